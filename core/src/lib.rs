@@ -1,0 +1,29 @@
+//! The words of Wheelwright.
+//!
+//! One idea: a model of a wheeled robot is, for each of its equations, linear in its parameters θ and affine in the
+//! accelerations of its outputs,
+//!
+//! Φ(inputs, outputs, accelerations) θ = y(inputs, outputs),
+//!
+//! so one function serves identification, simulation, control and diagnosis. This crate holds that function's trait
+//! ([`model`]), the traits of everything around it ([`recording`], [`robot`], [`excitation`], [`solver`]) and what needs
+//! no file format, wire or plugin: signal conditioning, free-run simulation, identification and validation.
+
+pub mod channel;
+pub mod config;
+pub mod dataset;
+pub mod excitation;
+pub mod model;
+pub mod recording;
+pub mod robot;
+pub mod signal;
+pub mod simulation;
+pub mod solver;
+pub mod validation;
+
+pub use channel::Channel;
+pub use dataset::{Dataset, Stretch};
+pub use model::{ModelConfig, Parameter, ParameterMap, RegressorModel, Sample};
+pub use recording::{ReadOptions, Recording, RecordingReader};
+pub use robot::{Live, Robot, RobotConfig};
+pub use solver::{Problem, Solution, Solver};

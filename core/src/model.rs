@@ -1,0 +1,227 @@
+//! Models: equations linear in their parameters and affine in the accelerations of their outputs.
+//!
+//! Φ(inputs, outputs, accelerations) θ = y(inputs, outputs)                                              (1)
+//!
+//! Stacking the rows of (1) over a recording identifies θ; solving it for the accelerations simulates; evaluating
+//! Φ θ at a wanted acceleration gives the input that produces it.
+
+use std::fmt::Debug;
+
+use nalgebra::{DMatrix, DVector};
+use thiserror::Error;
+
+use crate::channel::Channel;
+
+/// One parameter of a model.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Parameter {
+    /// Name, such as `theta1`.
+    pub name: String,
+    /// SI unit; `1` for a pure number.
+    pub unit: String,
+    /// Physical bounds, infinite where there are none.
+    pub bounds: (f64, f64),
+    /// What the parameter does, in one plain sentence.
+    pub meaning: String,
+    /// The motion that shows the parameter, for messages about data that lack it: `changes of v_ref while driving`.
+    pub excitation: String,
+}
+
+impl Parameter {
+    /// An unbounded parameter.
+    pub fn new(name: &str, unit: &str, meaning: &str, excitation: &str) -> Self {
+        Self {
+            name: name.to_owned(),
+            unit: unit.to_owned(),
+            bounds: (f64::NEG_INFINITY, f64::INFINITY),
+            meaning: meaning.to_owned(),
+            excitation: excitation.to_owned(),
+        }
+    }
+
+    /// The same with bounds.
+    #[must_use]
+    pub fn within(mut self, lower: f64, upper: f64) -> Self {
+        self.bounds = (lower, upper);
+        self
+    }
+}
+
+/// The channels of a model at one instant.
+#[derive(Debug, Clone, Copy)]
+pub struct Sample<'a> {
+    /// One value an input channel.
+    pub inputs: &'a [f64],
+    /// One value an output channel.
+    pub outputs: &'a [f64],
+    /// Time derivative of each output.
+    pub accelerations: &'a [f64],
+}
+
+/// Parameters as an affine function of fewer free ones: θ = T z + c.
+///
+/// A model that knows equalities between its parameters states them so, and a configuration fixes or ties
+/// parameters in the same way.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ParameterMap {
+    /// Names of the free parameters z.
+    pub free: Vec<String>,
+    /// T, row-major, parameters × free.
+    pub matrix: Vec<f64>,
+    /// c, one value a parameter.
+    pub offset: Vec<f64>,
+}
+
+impl ParameterMap {
+    /// Every parameter free.
+    pub fn identity(parameters: &[Parameter]) -> Self {
+        let n = parameters.len();
+        let mut matrix = vec![0.0; n * n];
+        for i in 0..n {
+            matrix[i * n + i] = 1.0;
+        }
+        Self { free: parameters.iter().map(|p| p.name.clone()).collect(), matrix, offset: vec![0.0; n] }
+    }
+
+    /// θ of the free values.
+    pub fn theta(&self, free: &[f64]) -> Vec<f64> {
+        let z = self.free.len();
+        self.offset.iter().enumerate().map(|(i, c)| c + (0..z).map(|j| self.matrix[i * z + j] * free[j]).sum::<f64>()).collect()
+    }
+}
+
+/// A model of a robot. Live object, built from a [`ModelConfig`].
+///
+/// Only [`regressor`](Self::regressor) carries the physics; the other required methods name things.
+pub trait RegressorModel: Debug + Send + Sync {
+    /// Name under which configurations know it.
+    fn name(&self) -> &str;
+
+    /// Input channels, held constant between samples.
+    fn inputs(&self) -> &[Channel];
+
+    /// Output channels, whose derivatives appear in the equations.
+    fn outputs(&self) -> &[Channel];
+
+    /// Parameters θ in the order of the columns of Φ.
+    fn parameters(&self) -> &[Parameter];
+
+    /// Number of equations. A model that is to be simulated has as many as outputs.
+    fn equations(&self) -> usize {
+        self.outputs().len()
+    }
+
+    /// Writes Φ (row-major, equations × parameters) and y (equations) at a sample. Φ must be affine in the accelerations.
+    fn regressor(&self, sample: Sample<'_>, phi: &mut [f64], y: &mut [f64]);
+
+    /// Equalities between parameters that the physics of this model demands; none by default.
+    fn map(&self) -> ParameterMap {
+        ParameterMap::identity(self.parameters())
+    }
+
+    /// Writes the accelerations that solve (1) for `theta`. Models with a closed form override it; conformance checks
+    /// compare the two.
+    ///
+    /// # Errors
+    /// [`ModelError::Singular`] where the equations do not determine the accelerations.
+    fn accelerations(&self, theta: &[f64], inputs: &[f64], outputs: &[f64], accelerations: &mut [f64]) -> Result<(), ModelError> {
+        solve_accelerations(self, theta, inputs, outputs, accelerations)
+    }
+}
+
+/// Solves Φ θ = y for the accelerations by evaluating (1) at zero and at unit accelerations, which is exact because
+/// Φ is affine in them.
+///
+/// # Errors
+/// [`ModelError::Singular`], or [`ModelError::NotSquare`] if equations and outputs differ in number.
+pub fn solve_accelerations<M: RegressorModel + ?Sized>(
+    model: &M,
+    theta: &[f64],
+    inputs: &[f64],
+    outputs: &[f64],
+    accelerations: &mut [f64],
+) -> Result<(), ModelError> {
+    let n = model.outputs().len();
+    if model.equations() != n {
+        return Err(ModelError::NotSquare { model: model.name().to_owned(), equations: model.equations(), outputs: n });
+    }
+    let mut phi = vec![0.0; n * theta.len()];
+    let mut y = vec![0.0; n];
+    let mut trial = vec![0.0; n];
+    let mut residual = |trial: &[f64]| -> DVector<f64> {
+        model.regressor(Sample { inputs, outputs, accelerations: trial }, &mut phi, &mut y);
+        DVector::from_fn(n, |i, _| phi[i * theta.len()..(i + 1) * theta.len()].iter().zip(theta).map(|(a, b)| a * b).sum::<f64>() - y[i])
+    };
+    let rest = residual(&trial);
+    let mut mass = DMatrix::zeros(n, n);
+    for j in 0..n {
+        trial[j] = 1.0;
+        mass.set_column(j, &(residual(&trial) - &rest));
+        trial[j] = 0.0;
+    }
+    let solved = mass.lu().solve(&(-rest)).filter(|a| a.iter().all(|x| x.is_finite()));
+    let solved = solved.ok_or_else(|| ModelError::Singular { model: model.name().to_owned() })?;
+    accelerations.copy_from_slice(solved.as_slice());
+    Ok(())
+}
+
+/// Plain data from which a model is built; `type = "NAME"` in a configuration picks it.
+#[typetag::serde]
+pub trait ModelConfig: Debug + Send + Sync {
+    /// One line on what the model is, for `wheelwright plugins`.
+    fn about(&self) -> String;
+
+    /// Builds the model.
+    ///
+    /// # Errors
+    /// [`ModelError`] naming the key that is wrong.
+    fn build(&self) -> Result<Box<dyn RegressorModel>, ModelError>;
+}
+
+/// Why a model cannot be built or used.
+#[derive(Debug, Clone, PartialEq, Error)]
+#[non_exhaustive]
+pub enum ModelError {
+    /// A configuration value is impossible.
+    #[error("`{key}`: {reason}")]
+    Config {
+        /// Key inside the model's table.
+        key: String,
+        /// What is wrong and what to do.
+        reason: String,
+    },
+    /// The equations leave the accelerations undetermined at these parameters.
+    #[error(
+        "model `{model}` cannot be simulated with these parameters: its equations leave the accelerations undetermined (a time constant is zero?)"
+    )]
+    Singular {
+        /// Model name.
+        model: String,
+    },
+    /// Equations and outputs differ in number.
+    #[error("model `{model}` cannot be simulated: {equations} equation(s) for {outputs} output(s)")]
+    NotSquare {
+        /// Model name.
+        model: String,
+        /// Number of equations.
+        equations: usize,
+        /// Number of outputs.
+        outputs: usize,
+    },
+    /// The simulation left the range of numbers.
+    #[error("model `{model}` diverged at t = {time} s with these parameters")]
+    Diverged {
+        /// Model name.
+        model: String,
+        /// Time of the first value that is not finite.
+        time: f64,
+    },
+    /// A plugin broke its contract.
+    #[error("model plugin `{model}`: {reason}")]
+    Plugin {
+        /// Model name.
+        model: String,
+        /// What happened.
+        reason: String,
+    },
+}
