@@ -13,6 +13,7 @@ pub mod channel;
 pub mod config;
 pub mod dataset;
 pub mod excitation;
+pub mod identification;
 pub mod model;
 pub mod recording;
 pub mod robot;
