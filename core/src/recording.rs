@@ -148,6 +148,12 @@ pub enum RecordingError {
         /// What may be wrong, or empty.
         hint: String,
     },
+    /// Segments leave rows out, overlap or are empty.
+    #[error("row {row}: segments must cover all rows once and in order")]
+    BadSegments {
+        /// Data row from 1 where the next segment should begin.
+        row: usize,
+    },
     /// A needed column is absent.
     #[error("no column `{name}`; the file has {available}. Map another name with --map {name}=COLUMN")]
     MissingColumn {
@@ -165,6 +171,22 @@ impl Recording {
     /// [`RecordingError`] with row and column of the first violation. Equal stamps count as frozen: readers that know
     /// exact duplicates to be harmless drop them before.
     pub fn new(source: Source, time: Vec<f64>, columns: Vec<Column>, labels: Option<&[String]>) -> Result<Self, RecordingError> {
+        let segments = match labels {
+            Some(labels) if labels.len() != time.len() => {
+                return Err(RecordingError::Ragged { column: "segment".to_owned(), found: labels.len(), expected: time.len() });
+            }
+            Some(labels) => segments_of(labels),
+            None => vec![Segment { label: "0".to_owned(), rows: 0..time.len() }],
+        };
+        Self::with_segments(source, time, columns, segments)
+    }
+
+    /// As [`Recording::new`], for readers that already know where segments begin and end: no label a row is needed.
+    ///
+    /// # Errors
+    /// [`RecordingError`] with row and column of the first violation; `BadSegments` if the segments are empty, overlap or
+    /// leave rows out.
+    pub fn with_segments(source: Source, time: Vec<f64>, columns: Vec<Column>, segments: Vec<Segment>) -> Result<Self, RecordingError> {
         let rows = time.len();
         if rows < 2 {
             return Err(RecordingError::TooShort { rows });
@@ -176,10 +198,7 @@ impl Recording {
             }
             check_finite(&column.name, &column.values)?;
         }
-        let segments = match labels {
-            Some(labels) => segments_of(labels),
-            None => vec![Segment { label: "0".to_owned(), rows: 0..rows }],
-        };
+        check_cover(&segments, rows)?;
         for segment in &segments {
             check_time(&time, segment.rows.clone())?;
         }
@@ -279,6 +298,17 @@ fn check_finite(name: &str, values: &[f64]) -> Result<(), RecordingError> {
         Some(i) => Err(RecordingError::NotFinite { row: i + 1, column: name.to_owned(), value: values[i] }),
         None => Ok(()),
     }
+}
+
+fn check_cover(segments: &[Segment], rows: usize) -> Result<(), RecordingError> {
+    let mut next = 0;
+    for segment in segments {
+        if segment.rows.start != next || segment.rows.end <= next || segment.rows.end > rows {
+            return Err(RecordingError::BadSegments { row: next + 1 });
+        }
+        next = segment.rows.end;
+    }
+    if next == rows { Ok(()) } else { Err(RecordingError::BadSegments { row: next + 1 }) }
 }
 
 fn check_time(time: &[f64], rows: Range<usize>) -> Result<(), RecordingError> {
