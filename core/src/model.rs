@@ -7,7 +7,6 @@
 
 use std::fmt::Debug;
 
-use nalgebra::{DMatrix, DVector};
 use thiserror::Error;
 
 use crate::channel::Channel;
@@ -145,24 +144,61 @@ pub fn solve_accelerations<M: RegressorModel + ?Sized>(
     if model.equations() != n {
         return Err(ModelError::NotSquare { model: model.name().to_owned(), equations: model.equations(), outputs: n });
     }
-    let mut phi = vec![0.0; n * theta.len()];
-    let mut y = vec![0.0; n];
-    let mut trial = vec![0.0; n];
-    let mut residual = |trial: &[f64]| -> DVector<f64> {
-        model.regressor(Sample { inputs, outputs, accelerations: trial }, &mut phi, &mut y);
-        DVector::from_fn(n, |i, _| phi[i * theta.len()..(i + 1) * theta.len()].iter().zip(theta).map(|(a, b)| a * b).sum::<f64>() - y[i])
+    // A simulation calls this four times a step: models of ordinary size are solved on the stack.
+    let needed = n * (theta.len() + n + 4);
+    let (mut stack, mut heap) = ([0.0; STACK], Vec::new());
+    let buffer = match stack.get_mut(..needed) {
+        Some(buffer) => buffer,
+        None => {
+            heap.resize(needed, 0.0);
+            heap.as_mut_slice()
+        }
     };
-    let rest = residual(&trial);
-    let mut mass = DMatrix::zeros(n, n);
+    let (phi, buffer) = buffer.split_at_mut(n * theta.len());
+    let (mass, buffer) = buffer.split_at_mut(n * n);
+    let (y, buffer) = buffer.split_at_mut(n);
+    let (trial, buffer) = buffer.split_at_mut(n);
+    let (rest, shifted) = buffer.split_at_mut(n);
+    let mut residual = |trial: &[f64], out: &mut [f64]| {
+        model.regressor(Sample { inputs, outputs, accelerations: trial }, phi, y);
+        for (i, (row, out)) in phi.chunks_exact(theta.len()).zip(out).enumerate() {
+            *out = row.iter().zip(theta).map(|(a, b)| a * b).sum::<f64>() - y[i];
+        }
+    };
+    residual(trial, rest);
     for j in 0..n {
         trial[j] = 1.0;
-        mass.set_column(j, &(residual(&trial) - &rest));
+        residual(trial, &mut shifted[..n]);
         trial[j] = 0.0;
+        for i in 0..n {
+            mass[i * n + j] = shifted[i] - rest[i];
+        }
     }
-    let solved = mass.lu().solve(&(-rest)).filter(|a| a.iter().all(|x| x.is_finite()));
-    let solved = solved.ok_or_else(|| ModelError::Singular { model: model.name().to_owned() })?;
-    accelerations.copy_from_slice(solved.as_slice());
-    Ok(())
+    accelerations.iter_mut().zip(rest.iter()).for_each(|(a, r)| *a = -r);
+    if eliminate(mass, accelerations) { Ok(()) } else { Err(ModelError::Singular { model: model.name().to_owned() }) }
+}
+
+/// Numbers that [`solve_accelerations`] keeps on the stack: enough for four outputs and twenty parameters.
+const STACK: usize = 128;
+
+/// Solves a square system in place by elimination with row pivoting; false if it is singular.
+fn eliminate(matrix: &mut [f64], x: &mut [f64]) -> bool {
+    let n = x.len();
+    for k in 0..n {
+        let pivot = (k..n).fold(k, |best, i| if matrix[i * n + k].abs() > matrix[best * n + k].abs() { i } else { best });
+        (0..n).for_each(|j| matrix.swap(k * n + j, pivot * n + j));
+        x.swap(k, pivot);
+        for i in k + 1..n {
+            let factor = matrix[i * n + k] / matrix[k * n + k];
+            (k..n).for_each(|j| matrix[i * n + j] -= factor * matrix[k * n + j]);
+            x[i] -= factor * x[k];
+        }
+    }
+    for k in (0..n).rev() {
+        let known: f64 = (k + 1..n).map(|j| matrix[k * n + j] * x[j]).sum();
+        x[k] = (x[k] - known) / matrix[k * n + k];
+    }
+    x.iter().all(|v| v.is_finite())
 }
 
 /// Plain data from which a model is built; `type = "NAME"` in a configuration picks it.

@@ -1,0 +1,335 @@
+//! Free-run simulation: a model driven by recorded inputs from an initial state, never corrected by the measurement.
+//!
+//! The equations x' = L x + N(x, u) are stepped with the exponential Runge-Kutta method ETD4RK of Cox and Matthews
+//! (J. Comput. Phys. 176, 2002): exact for the linear part under held inputs, fourth order in N. Steps are fixed between
+//! samples; an adaptive integrator would make results depend on tolerances and hide kinks. How long a step may be is
+//! measured beforehand, by step doubling on a part of the stretch, so that numerical error never looks like physics.
+
+mod sensitivity;
+mod weights;
+
+use crate::dataset::Stretch;
+use crate::model::{ModelError, RegressorModel};
+pub use sensitivity::{DIFFERENCE, Direction, Sensitivities};
+use weights::Weights;
+
+/// Error of the simulation relative to the largest output, which the choice of the step aims at.
+const TOLERANCE: f64 = 1e-9;
+/// Sub-steps between two samples never exceed this, however stiff the parameters an optimizer tries.
+const MAX_SUBSTEPS: usize = 256;
+
+/// What a recorded velocity is of the true one.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Readout {
+    /// The value at the time of the sample.
+    #[default]
+    Instantaneous,
+    /// The mean since the sample before, as a driver records that differences encoder counts. The first sample of a
+    /// stretch has no such mean: the value at its time stands for it.
+    IntervalMean,
+}
+
+/// A model with its parameters, ready to be run. Buffers are allocated once; stepping allocates nothing.
+#[derive(Debug)]
+pub struct Simulator<'a> {
+    model: &'a dyn RegressorModel,
+    theta: Vec<f64>,
+    readout: Readout,
+    fixed_step: Option<f64>,
+    max_step: f64,
+    linear: Vec<f64>,
+    diagonal: bool,
+    weights: Weights,
+    stages: Stages,
+    input: Vec<f64>,
+}
+
+#[derive(Debug)]
+struct Stages {
+    state: Vec<f64>,
+    travelled: Vec<f64>,
+    a: Vec<f64>,
+    b: Vec<f64>,
+    c: Vec<f64>,
+    n0: Vec<f64>,
+    na: Vec<f64>,
+    nb: Vec<f64>,
+    nc: Vec<f64>,
+}
+
+impl<'a> Simulator<'a> {
+    /// Prepares a model for simulation with parameters `theta`.
+    ///
+    /// # Errors
+    /// [`ModelError`] if the equations do not determine the accelerations.
+    pub fn new(model: &'a dyn RegressorModel, theta: &[f64]) -> Result<Self, ModelError> {
+        let n = model.outputs().len();
+        let buffer = || vec![0.0; n];
+        let stages = Stages {
+            state: buffer(),
+            travelled: buffer(),
+            a: buffer(),
+            b: buffer(),
+            c: buffer(),
+            n0: buffer(),
+            na: buffer(),
+            nb: buffer(),
+            nc: buffer(),
+        };
+        let mut simulator = Self {
+            model,
+            theta: theta.to_vec(),
+            readout: Readout::default(),
+            fixed_step: None,
+            max_step: f64::INFINITY,
+            linear: vec![0.0; n * n],
+            diagonal: true,
+            weights: Weights::new(n),
+            stages,
+            input: vec![0.0; model.inputs().len()],
+        };
+        simulator.set_theta(theta)?;
+        Ok(simulator)
+    }
+
+    /// Simulates what a driver records that reads velocities in this way.
+    #[must_use]
+    pub fn with_readout(mut self, readout: Readout) -> Self {
+        self.readout = readout;
+        self
+    }
+
+    /// Bounds the step \[s\] instead of choosing it for each stretch, so that runs with slightly different parameters
+    /// take the same steps and their differences are smooth. [`chosen_step`](Self::chosen_step) finds one.
+    #[must_use]
+    pub fn with_max_step(mut self, seconds: f64) -> Self {
+        self.fixed_step = Some(seconds);
+        self
+    }
+
+    /// Replaces the parameters.
+    ///
+    /// # Errors
+    /// As [`new`](Self::new).
+    pub fn set_theta(&mut self, theta: &[f64]) -> Result<(), ModelError> {
+        self.theta.copy_from_slice(theta);
+        self.weights.step = f64::NAN;
+        self.linearise()
+    }
+
+    /// L: how the accelerations change with the outputs about rest, by central differences over one unit. Exact for
+    /// equations up to second degree; any other value would cost accuracy, never consistency.
+    fn linearise(&mut self) -> Result<(), ModelError> {
+        let Self { model, theta, linear, stages: s, input, .. } = self;
+        let n = s.state.len();
+        input.fill(0.0);
+        s.c.fill(0.0);
+        for j in 0..n {
+            s.c[j] = 1.0;
+            model.accelerations(theta, input, &s.c, &mut s.a)?;
+            s.c[j] = -1.0;
+            model.accelerations(theta, input, &s.c, &mut s.b)?;
+            s.c[j] = 0.0;
+            for i in 0..n {
+                linear[i * n + j] = 0.5 * (s.a[i] - s.b[i]);
+            }
+        }
+        if linear.iter().any(|l| !l.is_finite()) {
+            return Err(ModelError::Singular { model: model.name().to_owned() });
+        }
+        self.diagonal = (0..n * n).all(|k| k / n == k % n || self.linear[k] == 0.0);
+        Ok(())
+    }
+
+    /// Runs over a stretch from `initial`; `simulated` gets one vector an output, as long as the stretch.
+    ///
+    /// # Errors
+    /// [`ModelError::Diverged`] with the time; values up to it are in `simulated`.
+    pub fn run(&mut self, stretch: &Stretch, initial: &[f64], simulated: &mut [Vec<f64>]) -> Result<(), ModelError> {
+        self.max_step = match self.fixed_step {
+            Some(step) => step,
+            None => self.chosen_step(stretch)?,
+        };
+        self.begin(stretch.len(), initial, simulated);
+        self.proceed(stretch, 1..stretch.len(), simulated)
+    }
+
+    /// Runs over a stretch from its measured first sample.
+    ///
+    /// # Errors
+    /// As [`run`](Self::run).
+    pub fn run_measured(&mut self, stretch: &Stretch) -> Result<Vec<Vec<f64>>, ModelError> {
+        let initial: Vec<f64> = stretch.outputs.iter().map(|c| c[0]).collect();
+        let mut simulated = vec![Vec::new(); initial.len()];
+        self.run(stretch, &initial, &mut simulated)?;
+        Ok(simulated)
+    }
+
+    fn begin(&mut self, capacity: usize, initial: &[f64], simulated: &mut [Vec<f64>]) {
+        self.stages.state.copy_from_slice(initial);
+        for (out, x) in simulated.iter_mut().zip(initial) {
+            out.clear();
+            out.reserve(capacity);
+            out.push(*x);
+        }
+    }
+
+    /// Goes on from the state at the row before `rows`.
+    fn proceed(&mut self, stretch: &Stretch, rows: std::ops::Range<usize>, simulated: &mut [Vec<f64>]) -> Result<(), ModelError> {
+        for k in rows {
+            for (held, column) in self.input.iter_mut().zip(&stretch.inputs) {
+                *held = column[k - 1];
+            }
+            let interval = stretch.time[k] - stretch.time[k - 1];
+            let advanced = self.advance(interval);
+            // The equations were solved at rest: where they no longer can be, the state has left the range of numbers.
+            if matches!(advanced, Err(ModelError::Singular { .. })) || self.stages.state.iter().any(|x| !x.is_finite()) {
+                return Err(ModelError::Diverged { model: self.model.name().to_owned(), time: stretch.time[k] });
+            }
+            advanced?;
+            for (i, out) in simulated.iter_mut().enumerate() {
+                out.push(match self.readout {
+                    Readout::Instantaneous => self.stages.state[i],
+                    Readout::IntervalMean => self.stages.travelled[i] / interval,
+                });
+            }
+        }
+        Ok(())
+    }
+
+    /// Advances the state by `interval` with the held input.
+    fn advance(&mut self, interval: f64) -> Result<(), ModelError> {
+        // Stamps that differ in their last bits are one step length: the weights differ by less than rounding.
+        let substeps = ((interval / self.max_step - 1e-9).ceil() as usize).clamp(1, MAX_SUBSTEPS);
+        let step = interval / substeps as f64;
+        if (step - self.weights.step).abs() > 1e-12 * step || self.weights.step.is_nan() {
+            self.weights.set(step, &self.linear, self.stages.state.len(), self.diagonal);
+        }
+        self.stages.travelled.fill(0.0);
+        for _ in 0..substeps {
+            if self.diagonal { self.step(diagonal_row)? } else { self.step(square_row)? }
+        }
+        Ok(())
+    }
+
+    /// One step of ETD4RK; `row(weight, i, x)` is row i of a weight times a vector.
+    fn step(&mut self, row: impl Fn(&[f64], usize, &[f64]) -> f64) -> Result<(), ModelError> {
+        let Self { model, theta, linear, diagonal, weights: w, stages: s, input, .. } = self;
+        let n = s.state.len();
+        // N(x, u) = acceleration − L x.
+        let forcing = |x: &[f64], out: &mut [f64]| -> Result<(), ModelError> {
+            model.accelerations(theta, input, x, out)?;
+            for i in 0..n {
+                out[i] -= if *diagonal { linear[i * n + i] * x[i] } else { square_row(linear, i, x) };
+            }
+            Ok(())
+        };
+        forcing(&s.state, &mut s.n0)?;
+        for i in 0..n {
+            s.c[i] = row(&w.half, i, &s.state);
+            s.a[i] = s.c[i] + row(&w.half_forcing, i, &s.n0);
+        }
+        forcing(&s.a, &mut s.na)?;
+        for i in 0..n {
+            s.b[i] = s.c[i] + row(&w.half_forcing, i, &s.na);
+        }
+        forcing(&s.b, &mut s.nb)?;
+        for i in 0..n {
+            s.c[i] = row(&w.half, i, &s.a) + 2.0 * row(&w.half_forcing, i, &s.nb) - row(&w.half_forcing, i, &s.n0);
+        }
+        forcing(&s.c, &mut s.nc)?;
+        for i in 0..n {
+            s.na[i] += s.nb[i];
+        }
+        if self.readout == Readout::IntervalMean {
+            let [state, first, middle, last] = &w.integral;
+            for i in 0..n {
+                s.travelled[i] += row(state, i, &s.state) + row(first, i, &s.n0) + row(middle, i, &s.na) + row(last, i, &s.nc);
+            }
+        }
+        for i in 0..n {
+            s.a[i] = row(&w.full, i, &s.state) + row(&w.first, i, &s.n0) + row(&w.middle, i, &s.na) + row(&w.last, i, &s.nc);
+        }
+        std::mem::swap(&mut s.state, &mut s.a);
+        Ok(())
+    }
+
+    /// The longest step \[s\] that keeps the error of a simulation over this stretch below 1e-9 of the largest output:
+    /// found by doubling the number of sub-steps on windows spread over the stretch.
+    ///
+    /// # Errors
+    /// [`ModelError`] if the model cannot be evaluated. Windows on which it diverges are left out.
+    pub fn chosen_step(&mut self, stretch: &Stretch) -> Result<f64, ModelError> {
+        let windows = Windows::of(stretch);
+        let mut substeps = 1;
+        while substeps < MAX_SUBSTEPS {
+            let (coarse, fine) = (windows.longest / substeps as f64, windows.longest / (2 * substeps) as f64);
+            let error = self.difference(stretch, &windows, coarse, fine)?;
+            if error <= TOLERANCE {
+                return Ok(coarse);
+            }
+            let wanted = substeps as f64 * (error / TOLERANCE).powf(0.25);
+            substeps = (wanted.ceil() as usize).clamp(substeps + 1, MAX_SUBSTEPS);
+        }
+        Ok(windows.longest / MAX_SUBSTEPS as f64)
+    }
+
+    /// Largest difference between two step lengths over the windows, relative to the largest output.
+    fn difference(&mut self, stretch: &Stretch, windows: &Windows, coarse: f64, fine: f64) -> Result<f64, ModelError> {
+        let n = self.stages.state.len();
+        let mut runs = [vec![Vec::with_capacity(windows.rows + 1); n], vec![Vec::with_capacity(windows.rows + 1); n]];
+        let mut initial = vec![0.0; n];
+        let mut worst: f64 = 0.0;
+        for &start in &windows.starts {
+            initial.iter_mut().zip(&stretch.outputs).for_each(|(x, column)| *x = column[start]);
+            let mut diverged = false;
+            for (run, step) in runs.iter_mut().zip([coarse, fine]) {
+                self.max_step = step;
+                self.begin(windows.rows + 1, &initial, run);
+                match self.proceed(stretch, start + 1..start + windows.rows + 1, run) {
+                    Ok(()) => {}
+                    Err(ModelError::Diverged { .. }) => diverged = true,
+                    Err(other) => return Err(other),
+                }
+            }
+            if diverged {
+                continue;
+            }
+            for (a, b) in runs[0].iter().flatten().zip(runs[1].iter().flatten()) {
+                worst = worst.max((a - b).abs() / windows.scale);
+            }
+        }
+        Ok(worst)
+    }
+}
+
+/// Parts of a stretch on which the step is tried: about an eighth of it, at most 256 rows, in up to eight pieces.
+struct Windows {
+    starts: Vec<usize>,
+    rows: usize,
+    longest: f64,
+    scale: f64,
+}
+
+impl Windows {
+    fn of(stretch: &Stretch) -> Self {
+        let intervals = stretch.len().saturating_sub(1);
+        let total = (intervals / 8).clamp(4, 256).min(intervals);
+        let pieces = (total / 16).clamp(1, 8);
+        let rows = total / pieces;
+        let starts: Vec<usize> = (0..pieces).map(|p| p * (intervals / pieces)).collect();
+        let interval = |k: usize| stretch.time[k + 1] - stretch.time[k];
+        let longest = starts.iter().flat_map(|s| (*s..s + rows).map(interval)).fold(0.0, f64::max);
+        let largest = stretch.outputs.iter().flatten().fold(0.0_f64, |m, x| m.max(x.abs()));
+        Self { starts, rows, longest: if longest > 0.0 { longest } else { 1.0 }, scale: if largest > 0.0 { largest } else { 1.0 } }
+    }
+}
+
+fn diagonal_row(weight: &[f64], i: usize, x: &[f64]) -> f64 {
+    weight[i] * x[i]
+}
+
+fn square_row(weight: &[f64], i: usize, x: &[f64]) -> f64 {
+    let n = x.len();
+    weight[i * n..(i + 1) * n].iter().zip(x).map(|(a, b)| a * b).sum()
+}
