@@ -16,6 +16,7 @@ pub mod excitation;
 pub mod identification;
 pub mod model;
 pub mod recording;
+pub mod regression;
 pub mod robot;
 pub mod signal;
 pub mod simulation;

@@ -7,6 +7,7 @@ use thiserror::Error;
 
 use crate::dataset::Dataset;
 use crate::model::{ModelError, ParameterMap, RegressorModel};
+use crate::signal::SignalError;
 
 /// What a solver is asked.
 #[derive(Debug, Clone)]
@@ -150,6 +151,9 @@ pub enum SolveError {
         /// Its status.
         reason: String,
     },
+    /// The data cannot be conditioned as the settings ask.
+    #[error(transparent)]
+    Signal(#[from] SignalError),
     /// The model failed.
     #[error(transparent)]
     Model(#[from] ModelError),

@@ -1,0 +1,453 @@
+//! Linear regression: rows of Φ θ = y from a model and a data set, conditioned so that least squares is right.
+//!
+//! Φ and y are evaluated on raw samples, with raw central differences for the accelerations; then every column and the
+//! response go through the same zero-phase filter. Filtering is linear and the accelerations enter Φ with constant
+//! coefficients, so it commutes with Φ θ: θ is untouched, noise beyond the cut-off is gone. Nothing here knows how many
+//! equations, parameters or channels a model has. Each stretch is conditioned by itself.
+
+use serde::{Deserialize, Serialize};
+
+use crate::dataset::{Dataset, Stretch};
+use crate::model::{ModelError, RegressorModel, Sample};
+use crate::signal::{self, Butterworth, Padding, SignalError, ZeroPhase};
+use crate::solver::SolveError;
+
+/// Cut-off where none is asked for \[Hz\]: above what drives a robot, below most of what its encoders add.
+const CUTOFF_HZ: f64 = 1.0;
+/// Share of the sampling rate that this cut-off does not exceed.
+const CUTOFF_SHARE: f64 = 0.25;
+/// Rows evaluated at a time, so that a column that is zero throughout never takes memory.
+const BLOCK: usize = 1024;
+
+/// Which held input belongs to the output measured at t_k, if the input u_k holds from t_k to t_k+1.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Pairing {
+    /// (u_k−1 + u_k) / 2: right for outputs measured at an instant.
+    #[default]
+    Mid,
+    /// u_k−1: right for outputs that are means over the period before, such as differences of encoder counts.
+    Previous,
+    /// u_k: what a plain log suggests, half a period early.
+    Same,
+}
+
+/// Whether products such as v ω are formed from raw or from filtered samples.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Products {
+    /// Products of raw samples, then filtered: exact, because the filter then acts on whole terms of the equation.
+    #[default]
+    BeforeFilter,
+    /// Products of filtered samples: a filter does not commute with a product.
+    AfterFilter,
+}
+
+/// How the accelerations are got rid of or at.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Form {
+    /// Central differences at each sample.
+    #[default]
+    Derivative,
+    /// The equation integrated over a sliding window, held inputs exactly and outputs by the trapezoid rule: accelerations
+    /// become differences of outputs, stamps may be uneven, and the window is the only filter.
+    Integral,
+}
+
+/// How rows are made. The default is the corrected pipeline: everything filtered alike, midpoint pairing, ends trimmed.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Settings {
+    /// Order of the Butterworth low-pass filter, run forward and backward; 0 for no filter. Default 2.
+    pub order: usize,
+    /// Its cut-off \[Hz\]. Default 1 Hz, or a quarter of the sampling rate if that is less.
+    pub cutoff_hz: Option<f64>,
+    /// Padding rule of the filter: `scipy` (default), `matlab` or `none`.
+    pub padding: Padding,
+    /// `before-filter` (default) or `after-filter`.
+    pub products: Products,
+    /// Filter the response as the columns are. Default true; false biases every parameter with dynamics in its column.
+    pub filter_response: bool,
+    /// `mid` (default), `previous` or `same`.
+    pub pairing: Pairing,
+    /// `derivative` (default) or `integral`.
+    pub form: Form,
+    /// Window of the integral form in samples. Default 10.
+    pub integral_samples: usize,
+    /// Time dropped at both ends of each stretch \[s\]. Default: until the filter's impulse response has decayed to a
+    /// thousandth, which is what the ends of the data still disturb.
+    pub trim_s: Option<f64>,
+    /// Stretches with a step that deviates from the period by more than this share are resampled to an even grid before
+    /// they are filtered. Default 0.02.
+    pub max_jitter: f64,
+}
+
+impl Default for Settings {
+    fn default() -> Self {
+        Self {
+            order: 2,
+            cutoff_hz: None,
+            padding: Padding::Scipy,
+            products: Products::BeforeFilter,
+            filter_response: true,
+            pairing: Pairing::Mid,
+            form: Form::Derivative,
+            integral_samples: 10,
+            trim_s: None,
+            max_jitter: 0.02,
+        }
+    }
+}
+
+impl Settings {
+    /// Refuses numbers that mean nothing, before any data is touched.
+    ///
+    /// # Errors
+    /// [`SolveError::Setting`] with the key.
+    pub fn check(&self) -> Result<(), SolveError> {
+        let wrong = |key: &str, reason: String| Err(SolveError::Setting { key: key.to_owned(), reason });
+        match (self.cutoff_hz, self.trim_s) {
+            (Some(f), _) if !(f > 0.0 && f.is_finite()) => wrong("cutoff_hz", format!("{f} must be a positive number of Hz")),
+            (_, Some(t)) if !(t >= 0.0 && t.is_finite()) => wrong("trim_s", format!("{t} must be a number of seconds, 0 or more")),
+            _ if self.max_jitter.is_nan() || self.max_jitter < 0.0 => wrong("max_jitter", format!("{} must be 0 or more", self.max_jitter)),
+            _ if self.form == Form::Integral && self.integral_samples == 0 => wrong("integral_samples", "must be at least 1".to_owned()),
+            _ => Ok(()),
+        }
+    }
+}
+
+/// Rows of one equation over one stretch, column by column.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct EquationRows {
+    /// Columns of Φ, one a parameter; an empty one is zero throughout.
+    pub columns: Vec<Vec<f64>>,
+    /// The response y.
+    pub response: Vec<f64>,
+}
+
+/// Rows of all equations over one stretch.
+#[derive(Debug, Clone, PartialEq)]
+pub struct StretchRows {
+    /// Index of the stretch in the data set.
+    pub stretch: usize,
+    /// Time of each row \[s\]; for the integral form the start of its window.
+    pub time: Vec<f64>,
+    /// One entry an equation.
+    pub equations: Vec<EquationRows>,
+}
+
+/// What was done on the way to the rows.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Preparation {
+    /// Rows of each equation over all stretches.
+    pub rows: usize,
+    /// Sampling period \[s\]: root mean square over the rows, which is how it enters the sampling error.
+    pub period: f64,
+    /// A sentence a step, for a report.
+    pub steps: Vec<String>,
+    /// What a user should know.
+    pub warnings: Vec<String>,
+}
+
+/// Makes the rows of each stretch in turn and hands them to `each`; only one stretch is in memory at a time.
+///
+/// Stretches too short for the filter and the trimming are left out with a warning.
+///
+/// # Errors
+/// [`SolveError::Setting`] or [`SolveError::Signal`] for settings that do not fit the data, [`SolveError::TooFewSamples`]
+/// if no stretch is long enough, [`SolveError::Model`] if the model's regressor is not finite.
+pub fn visit(
+    model: &dyn RegressorModel,
+    data: &Dataset,
+    settings: &Settings,
+    each: &mut dyn FnMut(StretchRows),
+) -> Result<Preparation, SolveError> {
+    settings.check()?;
+    let mut work = Work::new(model, data, settings);
+    for (index, stretch) in data.stretches.iter().enumerate() {
+        if let Some(rows) = work.rows(index, stretch)? {
+            each(rows);
+        }
+    }
+    work.finish(data)
+}
+
+/// The rows of all stretches, for what needs them together.
+///
+/// # Errors
+/// As [`visit`].
+pub fn build(model: &dyn RegressorModel, data: &Dataset, settings: &Settings) -> Result<(Vec<StretchRows>, Preparation), SolveError> {
+    let mut all = Vec::new();
+    let preparation = visit(model, data, settings, &mut |rows| all.push(rows))?;
+    Ok((all, preparation))
+}
+
+/// A filter designed for one sampling period, and the samples that go at each end.
+#[derive(Debug, Clone)]
+struct Conditioner {
+    period: f64,
+    cutoff_hz: f64,
+    filter: Option<ZeroPhase>,
+    trim: usize,
+}
+
+struct Work<'a> {
+    model: &'a dyn RegressorModel,
+    settings: &'a Settings,
+    conditioner: Option<Conditioner>,
+    rows: usize,
+    period_squares: f64,
+    stretches: usize,
+    resampled: usize,
+    worst_jitter: f64,
+    dropped: Vec<String>,
+    needed_s: f64,
+}
+
+impl<'a> Work<'a> {
+    fn new(model: &'a dyn RegressorModel, data: &Dataset, settings: &'a Settings) -> Self {
+        let stretches = data.stretches.len();
+        let (rows, resampled, needed_s) = (0, 0, 0.0);
+        let dropped = Vec::new();
+        Self { model, settings, conditioner: None, rows, period_squares: 0.0, stretches, resampled, worst_jitter: 0.0, dropped, needed_s }
+    }
+
+    /// Rows of one stretch; `None` if it is too short.
+    fn rows(&mut self, index: usize, stretch: &Stretch) -> Result<Option<StretchRows>, SolveError> {
+        let Some(spacing) = signal::spacing(&stretch.time) else { return Ok(None) };
+        let period = spacing.period;
+        let conditioner = self.conditioner(period)?;
+        let least = match self.settings.form {
+            Form::Derivative => (2 * conditioner.trim + 2).max(conditioner.filter.as_ref().map_or(2, ZeroPhase::min_samples)),
+            Form::Integral => self.settings.integral_samples + 1,
+        };
+        self.needed_s = self.needed_s.max(least as f64 * period);
+        let even = self.settings.form == Form::Integral || spacing.jitter <= self.settings.max_jitter;
+        let gridded = (!even).then(|| signal::resample(stretch, period));
+        let on_grid = gridded.as_ref().unwrap_or(stretch);
+        if on_grid.len() < least {
+            self.dropped.push(stretch.label.clone());
+            return Ok(None);
+        }
+        self.worst_jitter = self.worst_jitter.max(spacing.jitter);
+        self.resampled += usize::from(!even);
+        let (time, equations) = match self.settings.form {
+            Form::Derivative => self.derivative(on_grid, &conditioner)?,
+            Form::Integral => self.integral(on_grid)?,
+        };
+        self.rows += time.len();
+        self.period_squares += period * period * time.len() as f64;
+        Ok(Some(StretchRows { stretch: index, time, equations }))
+    }
+
+    /// The filter for a sampling period, kept from stretch to stretch while the period stays the same.
+    fn conditioner(&mut self, period: f64) -> Result<Conditioner, SignalError> {
+        if let Some(known) = &self.conditioner
+            && (known.period - period).abs() <= 1e-9 * period
+        {
+            return Ok(known.clone());
+        }
+        let rate = 1.0 / period;
+        let cutoff_hz = self.settings.cutoff_hz.unwrap_or(CUTOFF_HZ.min(CUTOFF_SHARE * rate));
+        let filter = match (self.settings.form, self.settings.order) {
+            (Form::Integral, _) | (_, 0) => None,
+            (Form::Derivative, order) => Some(ZeroPhase::new(Butterworth::low_pass(order, cutoff_hz, rate)?, self.settings.padding)),
+        };
+        let settled = filter.as_ref().map_or(0, |f| f.filter().settling());
+        let trim = self.settings.trim_s.map_or(settled, |t| (t / period + 1e-9).floor() as usize);
+        let made = Conditioner { period, cutoff_hz, filter, trim };
+        self.conditioner = Some(made.clone());
+        Ok(made)
+    }
+
+    /// Rows at samples, with differences for the accelerations.
+    fn derivative(&self, stretch: &Stretch, conditioner: &Conditioner) -> Result<(Vec<f64>, Vec<EquationRows>), SolveError> {
+        let filter = conditioner.filter.as_ref();
+        let mut inputs = stretch.inputs.iter().map(|u| paired(u, self.settings.pairing)).collect::<Vec<_>>();
+        let mut outputs = stretch.outputs.clone();
+        let after = self.settings.products == Products::AfterFilter;
+        if let (true, Some(filter)) = (after, filter) {
+            apply(filter, outputs.iter_mut())?;
+            if self.settings.filter_response {
+                apply(filter, inputs.iter_mut())?;
+            }
+        }
+        let accelerations: Vec<Vec<f64>> = outputs.iter().map(|x| signal::gradient(&stretch.time, x)).collect();
+        let mut equations = self.evaluate(&inputs, &outputs, &accelerations)?;
+        if let (false, Some(filter)) = (after, filter) {
+            let responses = self.settings.filter_response;
+            let columns = equations.iter_mut().flat_map(|e| e.columns.iter_mut().chain(responses.then_some(&mut e.response)));
+            apply(filter, columns.filter(|c| !c.is_empty()))?;
+        }
+        let kept = conditioner.trim..stretch.len() - conditioner.trim;
+        for column in equations.iter_mut().flat_map(|e| e.columns.iter_mut().chain([&mut e.response])).filter(|c| !c.is_empty()) {
+            column.truncate(kept.end);
+            column.drain(..kept.start);
+        }
+        Ok((stretch.time[kept].to_vec(), equations))
+    }
+
+    /// Rows over sliding windows: each interval between two samples contributes the mean of Φ at its ends, with the input
+    /// held and the acceleration that joins the two outputs.
+    fn integral(&self, stretch: &Stretch) -> Result<(Vec<f64>, Vec<EquationRows>), SolveError> {
+        let n = stretch.len() - 1;
+        let steps: Vec<f64> = stretch.time.windows(2).map(|w| w[1] - w[0]).collect();
+        let slopes: Vec<Vec<f64>> =
+            stretch.outputs.iter().map(|x| x.windows(2).zip(&steps).map(|(w, dt)| (w[1] - w[0]) / dt).collect()).collect();
+        let side = |columns: &[Vec<f64>], from: usize| -> Vec<Vec<f64>> { columns.iter().map(|c| c[from..from + n].to_vec()).collect() };
+        let inputs = side(&stretch.inputs, 0);
+        let mut equations = self.evaluate(&inputs, &side(&stretch.outputs, 0), &slopes)?;
+        let ends = self.evaluate(&inputs, &side(&stretch.outputs, 1), &slopes)?;
+        let window = self.settings.integral_samples;
+        for (equation, end) in equations.iter_mut().zip(&ends) {
+            let columns = equation.columns.iter_mut().zip(&end.columns).chain([(&mut equation.response, &end.response)]);
+            for (start, end) in columns {
+                *start = windowed(start, end, &steps, window);
+            }
+        }
+        Ok((stretch.time[..=n - window].to_vec(), equations))
+    }
+
+    /// Φ and y at every sample, sorted into columns.
+    fn evaluate(&self, inputs: &[Vec<f64>], outputs: &[Vec<f64>], accelerations: &[Vec<f64>]) -> Result<Vec<EquationRows>, SolveError> {
+        let (e, p, n) = (self.model.equations(), self.model.parameters().len(), outputs.first().map_or(0, Vec::len));
+        let mut equations = vec![EquationRows { columns: vec![Vec::new(); p], response: Vec::with_capacity(n) }; e];
+        let (mut phi, mut y) = (vec![0.0; BLOCK * e * p], vec![0.0; BLOCK * e]);
+        let mut sample = [vec![0.0; inputs.len()], vec![0.0; outputs.len()], vec![0.0; outputs.len()]];
+        let read = |columns: &[Vec<f64>], k: usize, into: &mut [f64]| into.iter_mut().zip(columns).for_each(|(x, c)| *x = c[k]);
+        for start in (0..n).step_by(BLOCK) {
+            let count = BLOCK.min(n - start);
+            for row in 0..count {
+                let [u, x, a] = &mut sample;
+                read(inputs, start + row, u);
+                read(outputs, start + row, x);
+                read(accelerations, start + row, a);
+                let at = Sample { inputs: u, outputs: x, accelerations: a };
+                self.model.regressor(at, &mut phi[row * e * p..(row + 1) * e * p], &mut y[row * e..(row + 1) * e]);
+            }
+            if phi[..count * e * p].iter().chain(&y[..count * e]).any(|x| !x.is_finite()) {
+                return Err(not_finite(self.model));
+            }
+            for (i, equation) in equations.iter_mut().enumerate() {
+                equation.response.extend(y[..count * e].iter().skip(i).step_by(e));
+                for (j, column) in equation.columns.iter_mut().enumerate() {
+                    let values = phi[..count * e * p].iter().skip(i * p + j).step_by(e * p);
+                    append(column, values, start, n);
+                }
+            }
+        }
+        Ok(equations)
+    }
+
+    fn finish(self, data: &Dataset) -> Result<Preparation, SolveError> {
+        let s = self.settings;
+        if self.rows == 0 {
+            let what = match (&self.conditioner, s.form) {
+                (Some(c), Form::Derivative) => {
+                    format!("filtering and dropping {:.2} s at both ends of {} stretch(es)", c.trim as f64 * c.period, self.stretches)
+                }
+                _ => format!("windows of {} samples over {} stretch(es)", s.integral_samples, self.stretches),
+            };
+            let parameters = self.model.parameters().len();
+            return Err(SolveError::TooFewSamples { samples: 0, parameters, what, needed_s: (2.0 * self.needed_s).max(1.0).ceil() });
+        }
+        let period = (self.period_squares / self.rows as f64).sqrt();
+        Ok(Preparation { rows: self.rows, period, steps: self.steps(data), warnings: self.warnings() })
+    }
+
+    fn steps(&self, data: &Dataset) -> Vec<String> {
+        let s = self.settings;
+        let mut steps = Vec::new();
+        if self.resampled > 0 {
+            steps.push(format!(
+                "resampled {} of {} stretch(es) to an even grid: steps deviate from the period by up to {:.1} %",
+                self.resampled,
+                self.stretches,
+                100.0 * self.worst_jitter
+            ));
+        }
+        let names = data.inputs.iter().map(|c| c.name.as_ref()).collect::<Vec<_>>().join(", ");
+        if s.form == Form::Integral {
+            steps.push(format!("integrated the equations over sliding windows of {} samples, {names} held", s.integral_samples));
+            return steps;
+        }
+        steps.push(match s.pairing {
+            Pairing::Mid => format!("paired each output with the mean of {names} before and after it"),
+            Pairing::Previous => format!("paired each output with {names} held over the period before it"),
+            Pairing::Same => format!("paired each output with {names} of the same row"),
+        });
+        let Some(c) = &self.conditioner else { return steps };
+        if let Some(filter) = &c.filter {
+            let what = match (s.products, s.filter_response) {
+                (Products::BeforeFilter, true) => "every column and the response",
+                (Products::BeforeFilter, false) => "every column, not the response,",
+                (Products::AfterFilter, true) => "outputs and inputs",
+                (Products::AfterFilter, false) => "the outputs, not the inputs,",
+            };
+            let (order, cut) = (filter.filter().order(), c.cutoff_hz);
+            steps.push(format!("filtered {what} with a Butterworth low-pass of order {order}, {cut} Hz, forward and backward"));
+        }
+        if c.trim > 0 {
+            steps.push(format!("dropped {:.2} s at both ends of each stretch", c.trim as f64 * c.period));
+        }
+        steps
+    }
+
+    fn warnings(&self) -> Vec<String> {
+        let Some(first) = self.dropped.first() else { return Vec::new() };
+        vec![format!(
+            "{} of {} stretch(es) shorter than the {:.2} s that filter and trimming take were not used, the first is `{first}`",
+            self.dropped.len(),
+            self.stretches,
+            self.needed_s
+        )]
+    }
+}
+
+fn not_finite(model: &dyn RegressorModel) -> SolveError {
+    let reason = "its regressor returned a value that is not finite on this data".to_owned();
+    SolveError::Model(ModelError::Plugin { model: model.name().to_owned(), reason })
+}
+
+/// Appends values to a column that takes no memory while it is zero; `start` rows came before, `n` come in all.
+fn append<'a>(column: &mut Vec<f64>, values: impl Iterator<Item = &'a f64> + Clone, start: usize, n: usize) {
+    if column.is_empty() {
+        if values.clone().all(|&x| x == 0.0) {
+            return;
+        }
+        column.reserve_exact(n);
+        column.resize(start, 0.0);
+    }
+    column.extend(values);
+}
+
+fn apply<'c>(filter: &ZeroPhase, columns: impl Iterator<Item = &'c mut Vec<f64>>) -> Result<(), SignalError> {
+    filter.apply(&mut columns.map(Vec::as_mut_slice).collect::<Vec<_>>())
+}
+
+/// The input that belongs to each sample; before the first, the first is held.
+fn paired(u: &[f64], pairing: Pairing) -> Vec<f64> {
+    let before = || u.first().into_iter().chain(u).copied();
+    match pairing {
+        Pairing::Same => u.to_vec(),
+        Pairing::Previous => before().take(u.len()).collect(),
+        Pairing::Mid => before().zip(u).map(|(previous, now)| 0.5 * (previous + now)).collect(),
+    }
+}
+
+/// Integrals over windows of intervals, from the values at both ends of each interval; empty if all are zero.
+fn windowed(start: &[f64], end: &[f64], steps: &[f64], window: usize) -> Vec<f64> {
+    if start.is_empty() && end.is_empty() {
+        return Vec::new();
+    }
+    let value = |column: &[f64], k: usize| column.get(k).copied().unwrap_or(0.0);
+    let mut sums = Vec::with_capacity(steps.len() + 1);
+    let mut sum = 0.0;
+    sums.push(sum);
+    for (k, dt) in steps.iter().enumerate() {
+        sum += 0.5 * (value(start, k) + value(end, k)) * dt;
+        sums.push(sum);
+    }
+    (0..sums.len() - window).map(|k| sums[k + window] - sums[k]).collect()
+}

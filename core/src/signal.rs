@@ -1,1 +1,0 @@
-//! Signal conditioning, per stretch.
