@@ -12,15 +12,20 @@
 //! ```
 
 mod assemble;
+mod columns;
+mod csv;
 mod detect;
+mod number;
 
 use std::path::Path;
 
 use wheelwright_core::recording::{ReadError, ReadOptions, Recording, RecordingReader};
 
+pub use csv::write_csv;
+
 /// Every built-in reader, in the order in which they are asked whether they know a file.
 pub fn readers() -> Vec<Box<dyn RecordingReader>> {
-    vec![]
+    vec![Box::new(csv::Csv)]
 }
 
 /// Reads the recording at `path`, a file or a bag folder, with the first of [`readers`] that knows its content.
