@@ -55,8 +55,8 @@ pub fn plain<T: DeserializeOwned>(table: Table) -> Result<T, ConfigError> {
 /// # Errors
 /// [`ConfigError`]; for an unknown name it lists the known ones and the nearest.
 pub fn tagged<T: DeserializeOwned>(mut table: Table) -> Result<T, ConfigError> {
-    let name = take_type(&mut table)?;
     let known = names::<T>();
+    let name = take_type(&mut table).map_err(|e| ConfigError { message: format!("{}. Known: {}", e.message, known.join(", ")), ..e })?;
     if !known.contains(&name) {
         return Err(ConfigError::new("type", unknown_name(&name, &known)));
     }
@@ -75,15 +75,18 @@ pub fn tagged<T: DeserializeOwned>(mut table: Table) -> Result<T, ConfigError> {
 pub fn take_type(table: &mut Table) -> Result<String, ConfigError> {
     match table.remove("type") {
         Some(Value::String(name)) => Ok(name),
-        Some(other) => Err(ConfigError::new("type", format!("must be a text such as \"vw-pd\", not {other}"))),
-        None => Err(ConfigError::new("type", "is missing: it names the plugin, as in type = \"vw-pd\"")),
+        Some(other) => Err(ConfigError::new("type", format!("must be a text that names a plugin, not {other}"))),
+        None => Err(ConfigError::new("type", "is missing: it names the plugin, as in type = \"NAME\"")),
     }
 }
 
 /// The message for a name nobody registered.
 pub fn unknown_name(name: &str, known: &[String]) -> String {
-    let nearest = nearest(name, known.iter().map(String::as_str)).map(|n| format!("; did you mean \"{n}\"?")).unwrap_or_default();
-    format!("nothing is named \"{name}\"{nearest} Known: {}", known.join(", "))
+    let suggestion = match nearest(name, known.iter().map(String::as_str)) {
+        Some(nearest) => format!("; did you mean \"{nearest}\"?"),
+        None => ".".to_owned(),
+    };
+    format!("nothing is named \"{name}\"{suggestion} Known: {}", known.join(", "))
 }
 
 /// The known word nearest to a mistyped one, if any is near enough to be meant.
@@ -95,12 +98,15 @@ pub fn nearest<'a>(word: &str, known: impl Iterator<Item = &'a str>) -> Option<&
         .map(|(_, k)| k)
 }
 
-/// serde lists the fields it expected after an unknown one; the nearest of them is what a user wants to read first.
+/// serde lists the fields or variants it expected after an unknown one; the nearest of them is what a user wants to read
+/// first.
 fn with_suggestion(message: &str) -> String {
-    let Some(rest) = message.strip_prefix("unknown field `") else { return message.to_owned() };
-    let Some((field, expected)) = rest.split_once('`') else { return message.to_owned() };
+    // toml appends, line by line, the keys it came through as far as it knows them; the path says that and more.
+    let message = message.lines().next().unwrap_or_default();
+    let rest = message.strip_prefix("unknown field `").or_else(|| message.strip_prefix("unknown variant `"));
+    let Some((unknown, expected)) = rest.and_then(|r| r.split_once('`')) else { return message.to_owned() };
     let known = expected.split('`').skip(1).step_by(2);
-    match nearest(field, known) {
+    match nearest(unknown, known) {
         Some(meant) => format!("{message}; did you mean `{meant}`?"),
         None => message.to_owned(),
     }
@@ -138,5 +144,108 @@ impl de::Error for Probe {
         let mut names: Vec<String> = expected.iter().map(|&n| n.to_owned()).collect();
         names.sort_unstable();
         Self(names)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use serde::{Deserialize, Serialize};
+
+    #[typetag::serde]
+    trait Gadget {
+        fn size(&self) -> f64;
+    }
+
+    #[derive(Serialize, Deserialize)]
+    #[serde(deny_unknown_fields)]
+    struct Lever {
+        length: f64,
+        #[serde(default)]
+        joints: Vec<Joint>,
+    }
+
+    #[derive(Serialize, Deserialize)]
+    #[serde(deny_unknown_fields)]
+    struct Joint {
+        friction: f64,
+    }
+
+    #[derive(Serialize, Deserialize)]
+    #[serde(deny_unknown_fields)]
+    struct Wheel {}
+
+    #[typetag::serde(name = "lever")]
+    impl Gadget for Lever {
+        fn size(&self) -> f64 {
+            self.length + self.joints.iter().map(|j| j.friction).sum::<f64>()
+        }
+    }
+
+    #[typetag::serde(name = "wheel")]
+    impl Gadget for Wheel {
+        fn size(&self) -> f64 {
+            0.0
+        }
+    }
+
+    fn gadget(text: &str) -> Result<Box<dyn Gadget>, String> {
+        tagged(toml::from_str(text).unwrap()).map_err(|e| e.to_string())
+    }
+
+    fn refused(text: &str) -> String {
+        gadget(text).err().expect("must be refused")
+    }
+
+    #[test]
+    fn registered_names_are_listed_in_order() {
+        assert_eq!(names::<Box<dyn Gadget>>(), ["lever", "wheel"]);
+    }
+
+    #[test]
+    fn a_tagged_table_becomes_its_plugin() {
+        let lever = gadget("type = 'lever'\nlength = 2\njoints = [{ friction = 0.5 }, { friction = 1 }]").unwrap();
+        assert_eq!(lever.size(), 3.5);
+        assert_eq!(gadget("type = 'wheel'").unwrap().size(), 0.0);
+    }
+
+    #[test]
+    fn the_type_is_asked_for() {
+        assert_eq!(refused("length = 1.0"), "`type`: is missing: it names the plugin, as in type = \"NAME\". Known: lever, wheel");
+        assert_eq!(refused("type = 3"), "`type`: must be a text that names a plugin, not 3. Known: lever, wheel");
+        assert_eq!(refused("type = 'whel'"), "`type`: nothing is named \"whel\"; did you mean \"wheel\"? Known: lever, wheel");
+        assert_eq!(refused("type = 'zzz'"), "`type`: nothing is named \"zzz\". Known: lever, wheel");
+        assert_eq!(refused("type = ''"), "`type`: nothing is named \"\". Known: lever, wheel");
+    }
+
+    #[test]
+    fn errors_keep_the_path_inside_the_table() {
+        assert_eq!(
+            refused("type = 'lever'\nlength = 1.0\njoints = [{ friction = 1.0 }, { frictin = 2.0 }]"),
+            "`joints[1].frictin`: unknown field `frictin`, expected `friction`; did you mean `friction`?"
+        );
+        assert_eq!(refused("type = 'lever'\nlength = 'long'"), "`length`: invalid type: string \"long\", expected f64");
+        assert_eq!(refused("type = 'lever'"), "missing field `length`");
+        assert_eq!(refused("type = 'lever'\nlength = 1.0\njoints = [{}]"), "`joints[0]`: missing field `friction`");
+        assert_eq!(refused("type = 'wheel'\nradius = 1.0"), "`radius`: unknown field `radius`, there are no fields");
+    }
+
+    #[test]
+    fn plain_tables_refuse_unknown_keys_with_the_nearest() {
+        let table = toml::from_str("length = 1.0\njoint = []").unwrap();
+        let error = plain::<Lever>(table).err().unwrap();
+        assert_eq!(error.path, "joint");
+        assert_eq!(error.message, "unknown field `joint`, expected `length` or `joints`; did you mean `joints`?");
+        assert_eq!(error.clone().inside("robot").inside("run").path, "run.robot.joint");
+        assert_eq!(ConfigError::new("", "is empty").inside("robot").to_string(), "`robot`: is empty");
+    }
+
+    #[test]
+    fn only_a_near_word_is_suggested() {
+        let known = ["theta1", "theta2", "drag"];
+        assert_eq!(nearest("thet1", known.into_iter()), Some("theta1"));
+        assert_eq!(nearest("darg", known.into_iter()), Some("drag"));
+        assert_eq!(nearest("x", known.into_iter()), None);
+        assert_eq!(nearest("x", std::iter::empty()), None);
     }
 }

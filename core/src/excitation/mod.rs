@@ -1,4 +1,10 @@
 //! Excitations: the commands that make a robot show its dynamics.
+//!
+//! Built in are the four of Laut 2011 ([`thesis`]: `thesis-pioneer`, `thesis-khepera`, `thesis-constant`,
+//! `thesis-multisine`) and any sum of constants, steps, ramps and sines (`signals`, [`signals::Signals`]).
+
+pub mod signals;
+pub mod thesis;
 
 use std::fmt::Debug;
 
@@ -12,7 +18,7 @@ pub trait Excitation: Debug + Send + Sync {
     /// One line on what the excitation is, for `wheelwright plugins`.
     fn about(&self) -> String;
 
-    /// Length \[s\].
+    /// Length \[s\]. Whoever drives the robot stops it then; the command itself need not end.
     fn duration(&self) -> f64;
 
     /// Checks the settings and that every channel they name is one of `inputs`.
@@ -46,4 +52,34 @@ pub enum ExcitationError {
         /// Channels of the robot.
         available: String,
     },
+}
+
+impl ExcitationError {
+    /// An impossible setting.
+    pub fn config(key: impl Into<String>, reason: impl Into<String>) -> Self {
+        Self::Config { key: key.into(), reason: reason.into() }
+    }
+}
+
+/// Refuses a duration that is not a positive number of seconds.
+///
+/// # Errors
+/// [`ExcitationError::Config`] at `duration`.
+pub fn check_duration(duration: f64) -> Result<(), ExcitationError> {
+    if duration.is_finite() && duration > 0.0 {
+        return Ok(());
+    }
+    Err(ExcitationError::config("duration", format!("must be a number of seconds above zero, not {duration}")))
+}
+
+/// Refuses a channel that is not among the robot's commands.
+///
+/// # Errors
+/// [`ExcitationError::UnknownChannel`] listing what there is.
+pub fn check_channel(channel: &str, inputs: &[Channel]) -> Result<(), ExcitationError> {
+    if inputs.iter().any(|c| c.name == channel) {
+        return Ok(());
+    }
+    let available = crate::recording::list(inputs.iter().map(|c| c.name.as_ref()));
+    Err(ExcitationError::UnknownChannel { channel: channel.to_owned(), available })
 }
