@@ -53,17 +53,26 @@ impl Dataset {
     /// # Errors
     /// [`RecordingError::MissingColumn`], or [`RecordingError::NoMotion`] if no output ever changes.
     pub fn new(recording: &Recording, model: &dyn RegressorModel) -> Result<Self, RecordingError> {
-        let pick = |channels: &[Channel]| channels.iter().map(|c| recording.column(&c.name)).collect::<Result<Vec<_>, _>>();
-        let (inputs, outputs) = (pick(model.inputs())?, pick(model.outputs())?);
+        let data = Self::select(recording, model.inputs(), model.outputs())?;
         let names: Vec<&str> = model.outputs().iter().map(|c| c.name.as_ref()).collect();
         recording.require_motion(&names)?;
+        Ok(data)
+    }
+
+    /// Picks channels out of a recording, moving or not.
+    ///
+    /// # Errors
+    /// [`RecordingError::MissingColumn`].
+    pub fn select(recording: &Recording, inputs: &[Channel], outputs: &[Channel]) -> Result<Self, RecordingError> {
+        let columns = |channels: &[Channel]| channels.iter().map(|c| recording.column(&c.name)).collect::<Result<Vec<_>, _>>();
+        let (u, y) = (columns(inputs)?, columns(outputs)?);
         let stretches = recording.segments().iter().filter(|s| s.rows.len() >= 2).map(|s| Stretch {
             label: s.label.clone(),
             time: recording.time()[s.rows.clone()].to_vec(),
-            inputs: inputs.iter().map(|c| c[s.rows.clone()].to_vec()).collect(),
-            outputs: outputs.iter().map(|c| c[s.rows.clone()].to_vec()).collect(),
+            inputs: u.iter().map(|c| c[s.rows.clone()].to_vec()).collect(),
+            outputs: y.iter().map(|c| c[s.rows.clone()].to_vec()).collect(),
         });
-        Ok(Self { inputs: model.inputs().to_vec(), outputs: model.outputs().to_vec(), stretches: stretches.collect() })
+        Ok(Self { inputs: inputs.to_vec(), outputs: outputs.to_vec(), stretches: stretches.collect() })
     }
 
     /// Samples of all stretches.
