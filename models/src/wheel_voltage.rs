@@ -120,16 +120,15 @@ impl RegressorModel for WheelVoltage {
 }
 
 /// Acceleration under static friction. The law u = kV v + kA v' + kS sgn v has no value at rest: there friction is whatever
-/// holds the wheel, up to kS. A wheel that has slowed to `capture` under |u| ≤ kS is therefore brought to rest exponentially;
-/// elsewhere the law holds as written, with a wheel at rest breaking away in the direction of u.
+/// holds the wheel, up to kS. A wheel that has slowed to the capture speed kS/(4 (kV + kS)) under |u| ≤ kS is therefore brought to
+/// rest exponentially; elsewhere the law holds as written, with a wheel at rest breaking away in the direction of u.
 ///
-/// The capture speed is kS/(4 (kV + kS)), below 0.25 m/s for any parameters and about 0.02 m/s for usual ones: the narrowest at
-/// which a simulation whose steps resolve the rate (kV + kS)/kA cannot jump over the zone and chatter.
+/// The capture speed, below 0.25 m/s for any parameters and about 0.02 m/s for usual ones, is the narrowest over which a step of
+/// a quarter of kA/(kV + kS) cannot jump; the decay is at (kV + kS)/kA, which the simulator's linear part steps exactly.
 fn with_friction(kv: f64, ka: f64, ks: f64, u: f64, v: f64) -> f64 {
-    let rate = (kv + ks) / ka;
     let capture = ks / (4.0 * (kv + ks));
     if u.abs() <= ks && v.abs() < capture {
-        return -4.0 * rate * v;
+        return -(kv + ks) / ka * v;
     }
     let direction = if v == 0.0 { sign(u) } else { sign(v) };
     (u - kv * v - ks * direction) / ka
@@ -227,9 +226,10 @@ mod tests {
     fn a_coasting_wheel_stops_and_stays() {
         let model = model(true, false);
         for (kv, ka, ks) in [(2.5, 0.2, 0.4), (2.5, 1.0, 0.1), (0.5, 0.2, 2.0), (3.0, 0.05, 1.0)] {
-            for (dt, u) in [(0.005, 0.0), (0.02, 0.0), (0.02, 0.9 * ks), (0.1, -0.5 * ks)] {
+            let longest = 0.25 * ka / (kv + ks);
+            for (dt, u) in [(0.1 * longest, 0.0), (longest, 0.0), (longest, 0.9 * ks), (longest, -0.5 * ks), (longest, -ks)] {
                 let theta = [kv, ka, ks, kv, ka, ks];
-                let run = stretch((20.0 / dt) as usize, dt, |_| u);
+                let run = stretch((10.0 * (1.0 + 1.0 / ks) / dt) as usize, dt, |_| u);
                 let mut simulated = vec![Vec::new(); 2];
                 Simulator::new(&model, &theta).unwrap().run(&run, &[1.0, -0.7], &mut simulated).unwrap();
                 for side in &simulated {
