@@ -38,6 +38,16 @@ pub const OMEGA_REF: Channel = Channel::new("omega_ref", "rad/s");
 pub const V: Channel = Channel::new("v", "m/s");
 /// Measured angular velocity, counter-clockwise positive.
 pub const OMEGA: Channel = Channel::new("omega", "rad/s");
+/// Position of the axle's midpoint along x.
+pub const X: Channel = Channel::new("x", "m");
+/// Position of the axle's midpoint along y.
+pub const Y: Channel = Channel::new("y", "m");
+/// Heading, counter-clockwise positive, not wrapped.
+pub const PHI: Channel = Channel::new("phi", "rad");
+/// Speed of the left wheel about its axle.
+pub const OMEGA_LEFT: Channel = Channel::new("omega_left", "rad/s");
+/// Speed of the right wheel about its axle.
+pub const OMEGA_RIGHT: Channel = Channel::new("omega_right", "rad/s");
 /// Voltage applied to the left motor.
 pub const U_LEFT: Channel = Channel::new("u_left", "V");
 /// Voltage applied to the right motor.
