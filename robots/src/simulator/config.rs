@@ -121,17 +121,17 @@ impl Settings {
         let positive = [
             ("period", self.period),
             ("plant.mass", p.mass),
-            ("plant.inertia", p.inertia),
+            ("plant.yaw_inertia", p.yaw_inertia),
             ("plant.track_width", p.track_width),
             ("plant.wheel_radius", p.wheel_radius),
-            ("plant.tyre_radius", p.tyre_radius),
-            ("plant.motor_resistance", p.motor_resistance),
+            ("plant.tyre_radius", p.tyre_radius.unwrap_or(1.0)),
+            ("plant.resistance", p.resistance),
             ("plant.torque_constant", p.torque_constant),
             ("plant.supply_voltage", p.supply_voltage.unwrap_or(1.0)),
             ("sensors.ticks_per_revolution", s.ticks_per_revolution.unwrap_or(1.0)),
         ];
         let not_negative = [
-            ("plant.back_emf_constant", p.back_emf_constant),
+            ("plant.emf_constant", p.emf_constant),
             ("plant.wheel_inertia", p.wheel_inertia),
             ("plant.wheel_friction", p.wheel_friction),
             ("sensors.wheel_noise", s.wheel_noise),

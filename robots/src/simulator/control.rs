@@ -20,9 +20,9 @@ pub enum ControlLaw {
 #[serde(deny_unknown_fields)]
 pub struct WheelGains {
     /// kP \[V s/rad\].
-    pub k_p: f64,
+    pub kp: f64,
     /// kD \[V s²/rad\].
-    pub k_d: f64,
+    pub kd: f64,
 }
 
 /// u_v = kPT (v_ref − v) − kDT v' and u_ω = kPR (ω_ref − ω) − kDR ω'; the right motor gets u_v + u_ω, the left
@@ -31,13 +31,13 @@ pub struct WheelGains {
 #[serde(deny_unknown_fields)]
 pub struct VwGains {
     /// kPT \[V s/m\].
-    pub k_pt: f64,
+    pub kpt: f64,
     /// kDT \[V s²/m\].
-    pub k_dt: f64,
+    pub kdt: f64,
     /// kPR \[V s/rad\].
-    pub k_pr: f64,
+    pub kpr: f64,
     /// kDR \[V s²/rad\].
-    pub k_dr: f64,
+    pub kdr: f64,
 }
 
 /// What a low-level controller measures.
@@ -62,13 +62,13 @@ impl ControlLaw {
                 let error = wheels(v_ref - motion.v, omega_ref - motion.omega);
                 let acceleration = wheels(motion.v_dot, motion.omega_dot);
                 Sides {
-                    left: gains.k_p * error.left - gains.k_d * acceleration.left,
-                    right: gains.k_p * error.right - gains.k_d * acceleration.right,
+                    left: gains.kp * error.left - gains.kd * acceleration.left,
+                    right: gains.kp * error.right - gains.kd * acceleration.right,
                 }
             }
             Self::VwPd(gains) => {
-                let forward = gains.k_pt * (v_ref - motion.v) - gains.k_dt * motion.v_dot;
-                let turning = gains.k_pr * (omega_ref - motion.omega) - gains.k_dr * motion.omega_dot;
+                let forward = gains.kpt * (v_ref - motion.v) - gains.kdt * motion.v_dot;
+                let turning = gains.kpr * (omega_ref - motion.omega) - gains.kdr * motion.omega_dot;
                 Sides { left: forward - turning, right: forward + turning }
             }
         }
@@ -77,12 +77,12 @@ impl ControlLaw {
     /// Gains by key: (name, value, true if it must not be zero).
     pub(super) fn gains(&self) -> Vec<(&'static str, f64, bool)> {
         match self {
-            Self::WheelPd(g) => vec![("controller.wheel-pd.k_p", g.k_p, true), ("controller.wheel-pd.k_d", g.k_d, false)],
+            Self::WheelPd(g) => vec![("controller.wheel-pd.kp", g.kp, true), ("controller.wheel-pd.kd", g.kd, false)],
             Self::VwPd(g) => vec![
-                ("controller.vw-pd.k_pt", g.k_pt, true),
-                ("controller.vw-pd.k_dt", g.k_dt, false),
-                ("controller.vw-pd.k_pr", g.k_pr, true),
-                ("controller.vw-pd.k_dr", g.k_dr, false),
+                ("controller.vw-pd.kpt", g.kpt, true),
+                ("controller.vw-pd.kdt", g.kdt, false),
+                ("controller.vw-pd.kpr", g.kpr, true),
+                ("controller.vw-pd.kdr", g.kdr, false),
             ],
         }
     }

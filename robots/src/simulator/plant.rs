@@ -16,21 +16,22 @@ pub struct PlantConstants {
     /// m, total mass \[kg\].
     pub mass: f64,
     /// Iz, moment of inertia of the whole about the vertical through its centre of mass \[kg m²\].
-    pub inertia: f64,
+    pub yaw_inertia: f64,
     /// b, how far the centre of mass lies ahead of the axle \[m\].
     pub com_offset: f64,
     /// d, distance between the wheels' contact points \[m\].
     pub track_width: f64,
     /// r, rolling radius: wheel angle to path \[m\].
     pub wheel_radius: f64,
-    /// Rt, lever arm of the ground force about the wheel's axle \[m\]; physically equal to r.
-    pub tyre_radius: f64,
+    /// Rt, lever arm of the ground force about the wheel's axle \[m\]; r without it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub tyre_radius: Option<f64>,
     /// Ra, resistance of the motor's circuit \[Ω\].
-    pub motor_resistance: f64,
+    pub resistance: f64,
     /// ka, torque at the wheel per current \[N m/A\].
     pub torque_constant: f64,
     /// kb, back-EMF per wheel speed \[V s/rad\].
-    pub back_emf_constant: f64,
+    pub emf_constant: f64,
     /// Ie, inertia of one motor, gear and wheel about the axle \[kg m²\].
     pub wheel_inertia: f64,
     /// Be, viscous friction of one motor, gear and wheel \[N m s/rad\].
@@ -146,9 +147,10 @@ impl Plant {
     fn imbalance(&self, state: &State, u: Sides, a: [f64; 2]) -> [f64; 2] {
         let c = &self.constants;
         let [v_dot, omega_dot] = a;
+        let lever = c.tyre_radius.unwrap_or(c.wheel_radius);
         let traction = |u: f64, wheel_speed: f64, wheel_acceleration: f64| {
-            let current = (u - c.back_emf_constant * wheel_speed) / c.motor_resistance;
-            (c.torque_constant * current - c.wheel_friction * wheel_speed - c.wheel_inertia * wheel_acceleration) / c.tyre_radius
+            let current = (u - c.emf_constant * wheel_speed) / c.resistance;
+            (c.torque_constant * current - c.wheel_friction * wheel_speed - c.wheel_inertia * wheel_acceleration) / lever
         };
         let speed = Sides::of_body(state.v, state.omega, c.track_width, c.wheel_radius);
         let acceleration = Sides::of_body(v_dot, omega_dot, c.track_width, c.wheel_radius);
@@ -157,7 +159,7 @@ impl Plant {
         let across = c.mass * (c.com_offset * omega_dot + state.v * state.omega);
         [
             c.mass * (v_dot - c.com_offset * state.omega * state.omega) - (right + left),
-            c.inertia * omega_dot - (0.5 * c.track_width * (right - left) - c.com_offset * across),
+            c.yaw_inertia * omega_dot - (0.5 * c.track_width * (right - left) - c.com_offset * across),
         ]
     }
 
@@ -227,4 +229,115 @@ fn balance(f: impl Fn([f64; 2]) -> [f64; 2]) -> [f64; 2] {
     let (a12, a22) = (about[0] - origin[0], about[1] - origin[1]);
     let determinant = a11 * a22 - a12 * a21;
     [(a12 * origin[1] - a22 * origin[0]) / determinant, (a21 * origin[0] - a11 * origin[1]) / determinant]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::simulator::control::{VwGains, WheelGains};
+
+    const CONSTANTS: PlantConstants = PlantConstants {
+        mass: 9.0,
+        yaw_inertia: 0.21,
+        com_offset: -0.035,
+        track_width: 0.34,
+        wheel_radius: 0.0975,
+        tyre_radius: None,
+        resistance: 1.2,
+        torque_constant: 0.9,
+        emf_constant: 0.85,
+        wheel_inertia: 0.012,
+        wheel_friction: 0.03,
+        supply_voltage: None,
+    };
+    const VW: ControlLaw = ControlLaw::VwPd(VwGains { kpt: 30.0, kdt: 4.0, kpr: 7.0, kdr: 1.1 });
+    const WHEEL: ControlLaw = ControlLaw::WheelPd(WheelGains { kp: 6.0, kd: 0.9 });
+
+    fn states() -> impl Iterator<Item = (State, [f64; 2])> {
+        (0..200).map(|i| {
+            let wave = |k: f64| (k * f64::from(i)).sin();
+            (State { v: 1.2 * wave(0.7), omega: 3.0 * wave(1.3), ..State::default() }, [1.5 * wave(2.1), 4.0 * wave(0.3)])
+        })
+    }
+
+    /// Electrical power that becomes mechanical, left and right, and the loss to viscous friction \[W\].
+    fn powers(c: &PlantConstants, state: &State, u: Sides) -> (f64, f64) {
+        let wheels = Sides::of_body(state.v, state.omega, c.track_width, c.wheel_radius);
+        let power = |u: f64, speed: f64| c.torque_constant * (u - c.emf_constant * speed) / c.resistance * speed;
+        let drag = c.wheel_friction * (wheels.left.powi(2) + wheels.right.powi(2));
+        (power(u.left, wheels.left) + power(u.right, wheels.right), drag)
+    }
+
+    /// Change of the kinetic energy of body and wheels \[W\]; the centre of mass moves across the body at b ω.
+    fn kinetic(c: &PlantConstants, state: &State, [v_dot, omega_dot]: [f64; 2]) -> f64 {
+        let wheels = Sides::of_body(state.v, state.omega, c.track_width, c.wheel_radius);
+        let spin = Sides::of_body(v_dot, omega_dot, c.track_width, c.wheel_radius);
+        let body = c.mass * (state.v * v_dot + c.com_offset.powi(2) * state.omega * omega_dot) + c.yaw_inertia * state.omega * omega_dot;
+        body + c.wheel_inertia * (wheels.left * spin.left + wheels.right * spin.right)
+    }
+
+    #[test]
+    fn energy_is_neither_made_nor_lost() {
+        for law in [VW, WHEEL] {
+            for supply_voltage in [None, Some(3.0)] {
+                let constants = PlantConstants { supply_voltage, ..CONSTANTS };
+                let plant = Plant::new(constants, law);
+                for (state, set_point) in states() {
+                    let a = plant.accelerations(&state, set_point);
+                    let motion = Motion { v: state.v, omega: state.omega, v_dot: a[0], omega_dot: a[1] };
+                    let limit = supply_voltage.unwrap_or(f64::INFINITY);
+                    let u = law.voltages(&constants, set_point, &motion).map(|u| u.clamp(-limit, limit));
+                    let (mechanical, drag) = powers(&constants, &state, u);
+                    let kinetic = kinetic(&constants, &state, a);
+                    assert!(
+                        (mechanical - drag - kinetic).abs() < 1e-9 * (1.0 + mechanical.abs()),
+                        "{state:?}: {mechanical} {drag} {kinetic}"
+                    );
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn a_robot_without_command_comes_to_rest() {
+        let plant = Plant::new(CONSTANTS, VW);
+        let mut state = State { v: 1.0, omega: -2.0, ..State::default() };
+        let mut speed = state.v.hypot(state.omega);
+        for _ in 0..20 {
+            plant.advance(&mut state, 0.1, |_| [0.0; 2]);
+            assert!(state.v.hypot(state.omega) < speed);
+            speed = state.v.hypot(state.omega);
+        }
+        assert!(speed < 1e-4, "{speed}");
+    }
+
+    #[test]
+    fn full_voltage_gives_the_motors_top_speed() {
+        let plant = Plant::new(PlantConstants { supply_voltage: Some(12.0), ..CONSTANTS }, WHEEL);
+        let mut state = State::default();
+        plant.advance(&mut state, 20.0, |_| [5.0, 0.0]);
+        let c = CONSTANTS;
+        let top = c.torque_constant * 12.0 / (c.resistance * c.wheel_friction + c.torque_constant * c.emf_constant);
+        assert!((state.v - c.wheel_radius * top).abs() < 1e-9, "{} {}", state.v, c.wheel_radius * top);
+    }
+
+    #[test]
+    fn one_saturated_motor_leaves_the_other_under_control() {
+        let constants = PlantConstants { supply_voltage: Some(8.0), ..CONSTANTS };
+        let plant = Plant::new(constants, WHEEL);
+        let mut state = State::default();
+        plant.advance(&mut state, 20.0, |_| [0.8, 4.0]);
+        // Steady wheels: the right one wants 15.2 rad/s and gets 8 V, the left one is at its proportional error.
+        let c = constants;
+        let drag = c.resistance * c.wheel_friction / c.torque_constant + c.emf_constant;
+        let reference = Sides::of_body(0.8, 4.0, c.track_width, c.wheel_radius);
+        let wheels = Sides::of_body(state.v, state.omega, c.track_width, c.wheel_radius);
+        // b couples the wheels through m b v ω, so both are shifted by the force that turning takes.
+        let turning = c.mass * c.com_offset * state.v * state.omega / c.track_width;
+        let forward = 0.5 * c.mass * c.com_offset * state.omega.powi(2);
+        let lever = c.wheel_radius * c.resistance / c.torque_constant;
+        let right = (8.0 - (turning - forward) * lever) / drag;
+        let left = (6.0 * reference.left + (turning + forward) * lever) / (6.0 + drag);
+        assert!((wheels.right - right).abs() < 1e-9 && (wheels.left - left).abs() < 1e-9, "{wheels:?} {right} {left}");
+    }
 }
