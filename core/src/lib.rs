@@ -11,6 +11,7 @@
 
 pub mod channel;
 pub mod config;
+pub mod conformance;
 pub mod dataset;
 pub mod drive;
 pub mod excitation;

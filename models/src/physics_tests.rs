@@ -173,9 +173,9 @@ fn influences_are_those_of_the_formulas() {
 #[test]
 fn impossible_constants_are_refused_with_their_key() {
     let (robot, wheel, vw) = pioneer();
-    let refused = PhysicalConstants { mass: 0.0, ..robot.clone() }.check().unwrap_err();
+    let refused = PhysicalConstants { mass: 0.0, ..robot }.check().unwrap_err();
     assert_eq!(refused.to_string(), "`physical.mass`: must be a number above zero, not 0");
-    let refused = PhysicalConstants { com_offset: f64::NAN, ..robot.clone() }.check().unwrap_err();
+    let refused = PhysicalConstants { com_offset: f64::NAN, ..robot }.check().unwrap_err();
     assert_eq!(refused.to_string(), "`physical.com_offset`: must be a finite number, not NaN");
     assert!(WheelGains { kd: -0.1, ..wheel }.check().unwrap_err().to_string().starts_with("`gains.kd`"));
     assert!(VwGains { kpr: 0.0, ..vw }.check().unwrap_err().to_string().starts_with("`gains.kpr`"));

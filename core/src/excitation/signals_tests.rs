@@ -24,8 +24,10 @@ fn at(excitation: &dyn Excitation, t: f64) -> [f64; 2] {
 
 #[test]
 fn all_built_in_excitations_are_registered() {
-    let expected = ["signals", "thesis-constant", "thesis-khepera", "thesis-multisine", "thesis-pioneer"];
-    assert_eq!(names::<Box<dyn Excitation>>(), expected);
+    let registered = names::<Box<dyn Excitation>>();
+    for name in ["signals", "thesis-constant", "thesis-khepera", "thesis-multisine", "thesis-pioneer"] {
+        assert!(registered.iter().any(|r| r == name), "{name} is not among {registered:?}");
+    }
 }
 
 #[test]
