@@ -3,7 +3,7 @@
 use wheelwright_core::recording::{Column, ReadError, Recording, RecordingError, Segment, Source, list};
 
 /// Columns of which at least one must change, if any of them is there.
-const MOTION: [&str; 6] = ["v", "omega", "vel_left", "vel_right", "omega_left", "omega_right"];
+const MOTION: [&str; 7] = ["v", "omega", "vel_left", "vel_right", "omega_left", "omega_right", "vel"];
 
 /// Speeds that no wheeled robot reaches: beyond them the unit is wrong, most often the one named here.
 const ABSURD: [(&str, f64, &str, f64); 6] = [

@@ -49,6 +49,8 @@ pub(crate) struct Values {
     pub(crate) numbers: Vec<f64>,
     /// What the file calls the type, such as `number` or `INT64`.
     pub(crate) kind: String,
+    /// SI unit of a column that the contract does not name; empty for the contract's or none.
+    pub(crate) unit: String,
     /// Why an extra column is left out, once it is.
     pub(crate) left_out: Option<LeftOut>,
 }
@@ -189,7 +191,7 @@ impl Plan {
         let streams = streams(&self, &values, rows);
         let outputs = std::mem::take(&mut self.outputs);
         let kept = outputs.into_iter().filter(|o| values[o.source].left_out.is_none()).collect::<Vec<_>>();
-        let columns = kept.iter().map(|o| Column::new(o.name.clone(), take(&mut values, &mut uses, o))).collect();
+        let columns = kept.iter().map(|o| column(&mut values, &mut uses, o)).collect();
         let segments = if segments.is_empty() { vec![Segment { label: "0".to_owned(), rows: 0..rows }] } else { segments };
         let source = Source { path: path.to_owned(), format: format.to_owned() };
         let mut recording = Rows { time, columns, segments }.into_recording(source, locate)?;
@@ -201,6 +203,14 @@ impl Plan {
         recording.warnings.extend(self.warnings.into_iter().chain(broken));
         Ok(recording)
     }
+}
+
+fn column(values: &mut [Values], uses: &mut [usize], output: &Output) -> Column {
+    let mut column = Column::new(output.name.clone(), take(values, uses, output));
+    if column.unit.is_empty() {
+        column.unit.clone_from(&values[output.source].unit);
+    }
+    column
 }
 
 /// The scaled values of an output; the last use of a file column takes its values without a copy.

@@ -15,6 +15,7 @@ mod assemble;
 mod columns;
 mod csv;
 mod detect;
+mod json;
 mod number;
 
 use std::path::Path;
@@ -25,7 +26,7 @@ pub use csv::write_csv;
 
 /// Every built-in reader, in the order in which they are asked whether they know a file.
 pub fn readers() -> Vec<Box<dyn RecordingReader>> {
-    vec![Box::new(csv::Csv)]
+    vec![Box::new(json::Json), Box::new(csv::Csv)]
 }
 
 /// Reads the recording at `path`, a file or a bag folder, with the first of [`readers`] that knows its content.

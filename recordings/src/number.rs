@@ -4,6 +4,9 @@
 const EXACT_POWERS: [f64; 23] =
     [1e0, 1e1, 1e2, 1e3, 1e4, 1e5, 1e6, 1e7, 1e8, 1e9, 1e10, 1e11, 1e12, 1e13, 1e14, 1e15, 1e16, 1e17, 1e18, 1e19, 1e20, 1e21, 1e22];
 
+/// Powers of ten by which a run of up to eight digits shifts what stands before it.
+const POWERS: [u64; 9] = [1, 10, 100, 1_000, 10_000, 100_000, 1_000_000, 10_000_000, 100_000_000];
+
 /// Integers up to here are doubles.
 const EXACT_INTEGER: u64 = 1 << 53;
 
@@ -44,14 +47,45 @@ pub(crate) fn leading(bytes: &[u8]) -> Option<(f64, usize)> {
     value.is_finite().then_some((value, end))
 }
 
+/// Appends the digits at `start` to `mantissa`; returns it with where they end. Wraps beyond nineteen digits.
+#[inline]
 fn digits(bytes: &[u8], start: usize, mantissa: u64) -> (u64, usize) {
-    let mut value = mantissa;
-    let mut end = start;
+    let (mut value, mut end) = (mantissa, start);
+    while let Some(chunk) = bytes.get(end..).and_then(|rest| rest.first_chunk::<8>()) {
+        let (part, count) = eight_digits(u64::from_le_bytes(*chunk));
+        value = value.wrapping_mul(POWERS[count]).wrapping_add(part);
+        end += count;
+        if count < 8 {
+            return (value, end);
+        }
+    }
     while let Some(digit) = bytes.get(end).map(|b| b.wrapping_sub(b'0')).filter(|d| *d < 10) {
         value = value.wrapping_mul(10).wrapping_add(u64::from(digit));
         end += 1;
     }
     (value, end)
+}
+
+/// The number that the leading digits of eight characters make, first character lowest, with how many digits they are.
+///
+/// All eight are looked at together: in neighbouring pairs, then fours, then eight (D. Lemire, "Quickly parsing eight
+/// digits", 2018).
+#[inline]
+fn eight_digits(characters: u64) -> (u64, usize) {
+    const EACH: u64 = 0x0101_0101_0101_0101;
+    let values = characters ^ (EACH * u64::from(b'0'));
+    // A byte above nine reaches its top bit when 0x76 is added; carries only spoil bytes behind the first such one.
+    let others = (values.wrapping_add(EACH * 0x76) | values) & (EACH * 0x80);
+    let count = (others.trailing_zeros() / 8) as usize;
+    if count == 0 {
+        return (0, 0);
+    }
+    let digits = values << (64 - 8 * count);
+    let pairs = digits.wrapping_mul(10).wrapping_add(digits >> 8);
+    const LANES: u64 = 0x0000_00ff_0000_00ff;
+    let high = (pairs & LANES).wrapping_mul(100 + (1_000_000 << 32));
+    let low = ((pairs >> 16) & LANES).wrapping_mul(1 + (10_000 << 32));
+    (high.wrapping_add(low) >> 32, count)
 }
 
 /// The signed integer after an `e`, with its end; nothing for more than four digits.
@@ -113,6 +147,15 @@ mod tests {
         fn no_bytes_panic(bytes in proptest::collection::vec(any::<u8>(), 0..40)) {
             let _ = leading(&bytes);
             let _ = cell(&bytes);
+        }
+    }
+
+    #[test]
+    fn runs_of_digits_are_read_to_their_end() {
+        for text in ["1", "12345678", "123456789", "00000000000000000001", "1234567.", "12345678/1", "1234:5678", "99999999\u{e4}"] {
+            let expected = text.bytes().take_while(u8::is_ascii_digit).count();
+            let (value, end) = digits(text.as_bytes(), 0, 0);
+            assert_eq!((value, end), (text[..expected].parse().unwrap(), expected), "{text}");
         }
     }
 

@@ -268,7 +268,7 @@ impl<'a> Parser<'a> {
         self.cells[index] = Cell::Skipped;
         let kind = if text { "text" } else { "number" };
         let left_out = if text { LeftOut::Text } else { LeftOut::Broken(format!("{position}: {reason}")) };
-        self.values[index] = Values { numbers: Vec::new(), kind: kind.to_owned(), left_out: Some(left_out) };
+        self.values[index] = Values { kind: kind.to_owned(), left_out: Some(left_out), ..Values::default() };
         Ok(())
     }
 
