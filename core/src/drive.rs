@@ -51,7 +51,7 @@ pub enum DriveFault {
     #[error("excitation: {0}")]
     Excitation(#[from] ExcitationError),
     /// The excitation asks for something that is no number.
-    #[error("excitation: command `{channel}` is {value} at t = {t} s; nothing was sent")]
+    #[error("excitation: command `{channel}` is {value} at t = {t:.3} s; nothing was sent")]
     Command {
         /// Command channel.
         channel: String,
@@ -61,17 +61,17 @@ pub enum DriveFault {
         t: f64,
     },
     /// The robot measured something that is no number.
-    #[error("the robot measured `{channel}` = {value} after t = {t} s")]
+    #[error("the robot measured `{channel}` = {value} at t = {t:.3} s")]
     NotFinite {
         /// Measured channel.
         channel: String,
         /// Its value.
         value: f64,
-        /// Time of the row before \[s\].
+        /// Time since the start \[s\].
         t: f64,
     },
     /// The robot's clock stands or goes back.
-    #[error("the robot's clock does not advance: {after} s after {before} s; its data is stale")]
+    #[error("the robot's clock does not advance: {after:.6} s after {before:.6} s; its data is stale")]
     FrozenClock {
         /// Time of the row before \[s\].
         before: f64,

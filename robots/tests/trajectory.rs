@@ -1,5 +1,5 @@
 //! The simulator's trajectory against an independent integration and against the theta models.
-#![allow(missing_docs)]
+#![allow(clippy::unwrap_used, clippy::panic)]
 
 mod common;
 
@@ -11,6 +11,9 @@ use wheelwright_models::physics::{PhysicalConstants, VwGains, WheelGains, vw_pd_
 use wheelwright_models::{VwPdConfig, WheelPdConfig};
 use wheelwright_robots::SimulatorConfig;
 use wheelwright_robots::simulator::ControlLaw;
+
+/// (v_ref, omega_ref) at a time.
+type Excitation = fn(f64) -> [f64; 2];
 
 /// v, omega, x, y, phi after 1, 10 and 30 s, from scipy 1.x:
 ///
@@ -39,7 +42,7 @@ struct Reference {
     law: &'static str,
     gains: &'static str,
     period: f64,
-    excitation: fn(f64) -> [f64; 2],
+    excitation: Excitation,
     states: [[f64; 5]; 3],
 }
 
@@ -151,7 +154,7 @@ fn distance(config: &SimulatorConfig, run: &Run) -> f64 {
 
 #[test]
 fn forces_and_voltages_give_the_theta_model_to_1e9() {
-    let mut cases: Vec<(SimulatorConfig, fn(f64) -> [f64; 2])> =
+    let mut cases: Vec<(SimulatorConfig, Excitation)> =
         REFERENCES.iter().map(|c| (golden(c.plant, c.law, c.gains, c.period), c.excitation)).collect();
     cases.push((SimulatorConfig::preset("pioneer-3dx").unwrap(), pioneer_excitation));
     cases.push((SimulatorConfig::preset("khepera-3").unwrap(), khepera_excitation));

@@ -16,6 +16,12 @@ use crate::profiles;
 const PRESETS: [(&str, &str); 2] =
     [("pioneer-3dx", include_str!("presets/pioneer-3dx.toml")), ("khepera-3", include_str!("presets/khepera-3.toml"))];
 
+/// A period may take this many integration steps, which is some milliseconds.
+const MOST_STEPS: f64 = 20_000.0;
+
+/// No robot is commanded more seldom \[s\].
+const LONGEST_PERIOD: f64 = 10.0;
+
 /// A simulated robot as configured.
 ///
 /// In TOML, `robot = "pioneer-3dx"` or `"khepera-3"` fills in a preset, of which every key can be overridden.
@@ -96,7 +102,9 @@ impl SimulatorConfig {
     /// [`RobotError::Config`] for a value that cannot be.
     pub fn build(&self, seed: u64) -> Result<SimulatedRobot, RobotError> {
         self.settings.check()?;
-        Ok(SimulatedRobot::new(&self.settings, seed))
+        let robot = SimulatedRobot::new(&self.settings, seed);
+        check_effort(&self.settings, robot.plant().step())?;
+        Ok(robot)
     }
 }
 
@@ -143,6 +151,7 @@ impl Settings {
         for (key, value) in positive {
             require(key, value, value > 0.0, "a positive number")?;
         }
+        require("period", self.period, self.period <= LONGEST_PERIOD, "at most 10 (it is in seconds)")?;
         for (key, value) in not_negative {
             require(key, value, value >= 0.0, "zero or a positive number")?;
         }
@@ -160,6 +169,20 @@ impl Settings {
         }
         self.limits.check().map_err(|e| e.inside("limits")).map_err(|e| RobotError::Config { key: e.path, reason: e.message })
     }
+}
+
+/// Refuses a loop so fast that a period would take for ever to integrate.
+fn check_effort(settings: &Settings, step: f64) -> Result<(), RobotError> {
+    let steps = settings.period / step;
+    if steps <= MOST_STEPS {
+        return Ok(());
+    }
+    let reason = format!(
+        "a period of {} s would take {steps:.0} integration steps, more than {MOST_STEPS}: the closed loop is too fast; lower the gains or \
+         raise the inertias",
+        settings.period
+    );
+    Err(RobotError::Config { key: "controller".to_owned(), reason })
 }
 
 fn require(key: &str, value: f64, holds: bool, what: &str) -> Result<(), RobotError> {

@@ -73,6 +73,11 @@ impl SimulatedRobot {
         &self.state
     }
 
+    /// Body, motors and controller.
+    pub fn plant(&self) -> &Plant {
+        &self.plant
+    }
+
     fn check(&self, command: &[f64], measured: &[f64]) -> Result<[f64; 2], RobotError> {
         if !self.enabled {
             return Err(RobotError::Fault("the motors are off: the robot was stopped; connect again to drive it".to_owned()));

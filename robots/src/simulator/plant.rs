@@ -137,6 +137,11 @@ impl Plant {
         &self.constants
     }
 
+    /// Longest integration step \[s\].
+    pub fn step(&self) -> f64 {
+        self.step
+    }
+
     /// What is left over of the equations of motion, force \[N\] and moment about the centre of mass \[N m\], for trial
     /// accelerations `a` = (v', ω') under motor voltages `u`:
     ///

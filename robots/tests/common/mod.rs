@@ -1,5 +1,5 @@
 //! What the simulator's tests share: the golden parameter sets, the thesis' excitations, a loop that records.
-#![allow(dead_code, unreachable_pub, missing_docs)]
+#![allow(dead_code, unreachable_pub, missing_docs, clippy::unwrap_used, clippy::panic)]
 
 use toml::Table;
 use wheelwright_core::robot::Robot;
