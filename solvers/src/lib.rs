@@ -1,1 +1,30 @@
-//! placeholder
+//! Built-in solvers: from a model and a data set to parameters.
+//!
+//! One idea: every equation of a model is linear in its parameters, so a recording of any length folds into one small
+//! triangle an equation ([`triangle`]), and what a solver does afterwards costs nothing.
+//!
+//! | name | minimises | keeps bounds |
+//! |---|---|---|
+//! | `thesis` | the regression of Laut (2011), to the letter: biased, for comparison | no |
+//! | `ols` | the regression with every column filtered alike, then the zero-order hold is undone | no |
+//! | `box` | the same within bounds | yes |
+//! | `steady-state` | the equations at rest over constant stretches; the rest by `ols` | no |
+//!
+//! All honour [`ParameterMap`](wheelwright_core::ParameterMap), θ = T z + c: columns Φ T, response y − Φ c. None states a
+//! standard error: residuals of a filtered regression are so strongly correlated that the textbook formula covers
+//! 28-33 % instead of 95 %, and an interval that does not cover is worse than none.
+
+mod bounded;
+mod hold;
+mod ols;
+mod quadratic;
+mod regression;
+mod thesis;
+pub mod triangle;
+
+pub use bounded::BoundedSolver;
+pub use hold::Hold;
+pub use ols::Ols;
+pub use quadratic::Quadratic;
+pub use regression::{LeastSquares, SolverRegression, System};
+pub use thesis::Thesis;
