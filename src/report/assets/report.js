@@ -1,0 +1,203 @@
+// Draws each figure from the JSON beside it. Panels of a figure, and figures of the same group, share cursor and zoom.
+"use strict";
+(() => {
+  const root = document.documentElement;
+  const PRINT_WIDTH = 690; // A4 less its margins, in CSS pixels
+  const PRINT_GAP = 28;
+  const figures = [];
+  const groups = new Map();
+
+  const colour = (name) => getComputedStyle(root).getPropertyValue("--" + name).trim();
+  const minus = (text) => text.replace("-", "−");
+
+  // Labels of a linear axis: as many decimals as the distance between ticks needs.
+  const linearTicks = (u, splits, axis, space, step) => {
+    let decimals = 0;
+    while (decimals < 12 && Math.abs(step * 10 ** decimals - Math.round(step * 10 ** decimals)) > 1e-6 * step * 10 ** decimals) decimals += 1;
+    return splits.map((v) => (v == null ? "" : minus((Math.abs(v) < step / 1e6 ? 0 : v).toFixed(decimals))));
+  };
+
+  // Labels of a logarithmic axis: powers of ten, or plain numbers where fewer than two powers are in view.
+  const isPower = (v) => v > 0 && Math.abs(Math.log10(v) - Math.round(Math.log10(v))) < 1e-6;
+  const fewPowers = (splits) => splits.filter(isPower).length < 2;
+  const logGrid = (u, splits) => (fewPowers(splits) ? splits : splits.map((v) => (isPower(v) ? v : null)));
+  const logTicks = (u, splits) => {
+    const power = (v) => {
+      const e = Math.round(Math.log10(v));
+      if (e >= -2 && e <= 3) return String(10 ** e >= 1 ? 10 ** e : (10 ** e).toFixed(-e));
+      return "10" + [...String(e)].map((c) => (c === "-" ? "⁻" : "⁰¹²³⁴⁵⁶⁷⁸⁹"[+c])).join("");
+    };
+    return splits.map((v) => (v == null ? "" : isPower(v) ? power(v) : fewPowers(splits) ? String(+v.toPrecision(2)) : ""));
+  };
+
+  const value = (u, v) => (v == null ? "" : minus(String(+v.toPrecision(4))));
+
+  const paths = { line: uPlot.paths.linear(), step: uPlot.paths.stepped({ align: 1 }), points: () => null };
+
+  function series(s) {
+    const ink = colour(s.role);
+    const points = s.style === "points";
+    const fill = s.role === "measured" ? ink + "66" : ink + "99";
+    return {
+      label: s.label, value, class: points ? "points" : undefined,
+      stroke: points ? fill : ink, width: s.role === "command" ? 1 : s.line ? 2 : 1.4,
+      paths: paths[s.style],
+      points: points ? { show: true, size: 4, width: 0, fill } : { show: false },
+    };
+  }
+
+  // Dotted borders between stretches, with their labels where there is room.
+  function borders(marks) {
+    return (u) => {
+      const { ctx, bbox } = u;
+      ctx.save();
+      ctx.strokeStyle = colour("command");
+      ctx.fillStyle = colour("soft");
+      ctx.lineWidth = devicePixelRatio;
+      ctx.setLineDash([2 * devicePixelRatio, 3 * devicePixelRatio]);
+      for (const mark of marks) {
+        const x = Math.round(u.valToPos(mark.at, "x", true)) + 0.5;
+        if (x < bbox.left || x > bbox.left + bbox.width) continue;
+        ctx.beginPath();
+        ctx.moveTo(x, bbox.top);
+        ctx.lineTo(x, bbox.top + bbox.height);
+        ctx.stroke();
+      }
+      ctx.restore();
+    };
+  }
+
+  // A finger drawn sideways zooms as a mouse does; two quick taps reset.
+  function touch(u) {
+    let lastTap = 0;
+    const send = (type, target, event) => {
+      const at = event.changedTouches[0];
+      target.dispatchEvent(new MouseEvent(type, { clientX: at.clientX, clientY: at.clientY, button: 0, bubbles: true, view: window }));
+    };
+    u.over.addEventListener("touchstart", (event) => {
+      if (event.touches.length > 1) return;
+      send("mousemove", u.over, event);
+      send("mousedown", u.over, event);
+    }, { passive: true });
+    u.over.addEventListener("touchmove", (event) => send("mousemove", u.over, event), { passive: true });
+    u.over.addEventListener("touchend", (event) => {
+      send("mouseup", document, event);
+      if (event.timeStamp - lastTap < 350) send("dblclick", u.over, event);
+      lastTap = event.timeStamp;
+    }, { passive: true });
+  }
+
+  // A cloud gets room at its sides: points without values just beyond its ends.
+  function widen(plot) {
+    const x = plot.points;
+    const room = 0.03 * (x.at(-1) - x[0]);
+    plot.points = [x[0] - room, ...x, x.at(-1) + room];
+    for (const panel of plot.panels) for (const s of panel.series) if (!s.line) s.values = [null, ...s.values, null];
+  }
+
+  function build(figure, width) {
+    const { plot, cloud, holder, key } = figure;
+    const narrow = width < 480;
+    const unit = (plot.x.label.match(/\[(.*)\]$/) || ["", ""])[1];
+    const font = `${narrow ? 11 : 12}px system-ui, sans-serif`;
+    figure.charts = plot.panels.map((panel, index) => {
+      const last = index === plot.panels.length - 1;
+      const axis = (spec) => ({
+        stroke: colour("soft"), font, labelFont: font, labelGap: 2, label: spec.label,
+        grid: { stroke: colour("rule"), width: 1, ...(spec.log && { filter: logGrid }) },
+        ticks: { stroke: colour("rule"), width: 1, size: 5, ...(spec.log && { filter: logGrid }) },
+        values: spec.log ? logTicks : linearTicks,
+        ...(spec.log && { filter: (u, splits) => splits }),
+      });
+      const options = {
+        width, height: panel.height + (last ? 26 : 0),
+        padding: [10, 10, 0, 0],
+        scales: { x: { time: false, distr: plot.x.log ? 3 : 1 }, y: { distr: panel.y.log ? 3 : 1 } },
+        axes: [
+          { ...axis(plot.x), size: 30, labelSize: 20, space: narrow ? 45 : 60, ...(last ? {} : { label: null, size: 12, values: (u, s) => s.map(() => "") }) },
+          { ...axis(panel.y), size: 54, labelSize: 18, space: 28 },
+        ],
+        series: [{ label: "at", value: (u, v) => (v == null ? "" : value(u, v) + " " + unit) }, ...panel.series.map(series)],
+        cursor: {
+          sync: { key, scales: ["x", null], setSeries: false }, points: { size: 6 },
+          drag: cloud || plot.x.log ? { x: true, y: true, uni: 30 } : { x: true, y: false },
+        },
+        hooks: {
+          drawClear: [borders(plot.marks)],
+          ready: [touch],
+          setCursor: [(u) => holder.classList.toggle("live", u.cursor.idx != null)],
+          setScale: [(u, scale) => scale === "x" && linked(key, u)],
+        },
+      };
+      const columns = panel.series.map((s) => (s.line ? plot.points.map((x) => s.line[0] * x + s.line[1]) : s.values));
+      const chart = new uPlot(options, [plot.points, ...columns], holder);
+      return chart;
+    });
+  }
+
+  // Carries a zoom along x to every chart of the group and shows the way back.
+  let carrying = false;
+  function linked(key, source) {
+    if (carrying) return;
+    carrying = true;
+    const { min, max } = source.scales.x;
+    for (const figure of groups.get(key)) {
+      for (const chart of figure.charts) {
+        if (chart !== source && (chart.scales.x.min !== min || chart.scales.x.max !== max)) chart.setScale("x", { min, max });
+      }
+      figure.button.hidden = min <= figure.plot.points[0] && max >= figure.plot.points.at(-1);
+    }
+    carrying = false;
+  }
+
+  function reset(key) {
+    for (const figure of groups.get(key)) {
+      for (const chart of figure.charts) chart.setData(chart.data, true);
+      figure.button.hidden = true;
+    }
+  }
+
+  function redraw(width) {
+    for (const figure of figures) {
+      for (const chart of figure.charts) chart.destroy();
+      build(figure, width(figure));
+    }
+  }
+
+  for (const [index, element] of [...document.querySelectorAll("figure.plot")].entries()) {
+    const plot = JSON.parse(element.querySelector("script").textContent);
+    const holder = element.querySelector(".canvas");
+    const cloud = plot.panels.some((p) => p.series.some((s) => s.style === "points"));
+    if (cloud && plot.points.length) widen(plot);
+    const key = plot.group || "figure-" + index;
+    const button = document.createElement("button");
+    button.className = "reset";
+    button.type = "button";
+    button.textContent = "Reset zoom";
+    button.hidden = true;
+    button.addEventListener("click", () => reset(key));
+    holder.append(button);
+    const figure = { plot, cloud, holder, key, button, element, charts: [] };
+    figures.push(figure);
+    groups.set(key, [...(groups.get(key) || []), figure]);
+    build(figure, holder.clientWidth);
+  }
+
+  let width = root.clientWidth;
+  addEventListener("resize", () => {
+    if (root.clientWidth === width) return;
+    width = root.clientWidth;
+    for (const figure of figures) for (const chart of figure.charts) chart.setSize({ width: figure.holder.clientWidth, height: chart.height });
+  });
+  matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => redraw((f) => f.holder.clientWidth));
+
+  // Paper is white and as wide as it is.
+  addEventListener("beforeprint", () => {
+    root.classList.add("print");
+    redraw((f) => (f.element.parentElement.classList.contains("grid") ? (PRINT_WIDTH - PRINT_GAP) / 2 : PRINT_WIDTH));
+  });
+  addEventListener("afterprint", () => {
+    root.classList.remove("print");
+    redraw((f) => f.holder.clientWidth);
+  });
+})();
