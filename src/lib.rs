@@ -1,1 +1,33 @@
-//! placeholder
+#![doc = include_str!("../README.md")]
+
+// A crate of built-ins that nothing mentions is not linked, and its registrations vanish without a word.
+use wheelwright_robots as _;
+
+pub mod cli;
+pub mod config;
+pub mod constraints;
+pub mod documents;
+pub mod error;
+pub mod model_file;
+pub mod output;
+pub mod registry;
+pub mod page;
+pub mod source;
+pub mod study;
+pub mod toml_file;
+
+pub use error::Error;
+pub use wheelwright_core as core;
+pub use wheelwright_models as models;
+pub use wheelwright_recordings as recordings;
+pub use wheelwright_robots as robots;
+pub use wheelwright_solvers as solvers;
+
+/// What most programs need.
+pub mod prelude {
+    pub use wheelwright_core::identification::{Identification, identify};
+    pub use wheelwright_core::{Channel, Dataset, ModelConfig, Problem, ReadOptions, Recording, RegressorModel, Solver};
+    pub use wheelwright_models::{VwPdConfig, WheelPdConfig, WheelVoltageConfig};
+    pub use wheelwright_solvers::{BoundedSolver, Ols, Thesis};
+
+}

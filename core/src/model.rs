@@ -82,6 +82,27 @@ impl ParameterMap {
         Self { free: parameters.iter().map(|p| p.name.clone()).collect(), matrix, offset: vec![0.0; n] }
     }
 
+    /// Imposes Σ coefficient × θ = value, which leaves one free parameter less: the one the equality speaks of most.
+    ///
+    /// # Errors
+    /// [`ModelError::Contradiction`] if no free parameter is left in the equality.
+    pub fn impose(&mut self, equality: &[(usize, f64)], value: f64) -> Result<(), ModelError> {
+        let z = self.free.len();
+        let row: Vec<f64> = (0..z).map(|j| equality.iter().map(|(i, a)| a * self.matrix[i * z + j]).sum()).collect();
+        let rest = value - equality.iter().map(|(i, a)| a * self.offset[*i]).sum::<f64>();
+        let pivot = (0..z).filter(|j| row[*j] != 0.0).max_by(|a, b| row[*a].abs().total_cmp(&row[*b].abs()));
+        let pivot = pivot.ok_or(ModelError::Contradiction)?;
+        let mut matrix = Vec::with_capacity(self.offset.len() * (z - 1));
+        for i in 0..self.offset.len() {
+            let share = self.matrix[i * z + pivot] / row[pivot];
+            self.offset[i] += share * rest;
+            matrix.extend((0..z).filter(|j| *j != pivot).map(|j| self.matrix[i * z + j] - share * row[j]));
+        }
+        self.matrix = matrix;
+        self.free.remove(pivot);
+        Ok(())
+    }
+
     /// θ of the free values.
     pub fn theta(&self, free: &[f64]) -> Vec<f64> {
         let z = self.free.len();
@@ -226,6 +247,9 @@ pub enum ModelError {
         /// What is wrong and what to do.
         reason: String,
     },
+    /// An equality between parameters that are all fixed already.
+    #[error("the parameters it speaks of are already fixed by the model or by another constraint")]
+    Contradiction,
     /// The equations leave the accelerations undetermined at these parameters.
     #[error(
         "model `{model}` cannot be simulated with these parameters: its equations leave the accelerations undetermined (a time constant is zero?)"
@@ -260,4 +284,38 @@ pub enum ModelError {
         /// What happened.
         reason: String,
     },
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn map() -> ParameterMap {
+        let each = ["a", "b", "c"].map(|name| Parameter::new(name, "1", "", ""));
+        ParameterMap::identity(&each)
+    }
+
+    #[test]
+    fn a_fixed_parameter_keeps_its_value_and_the_others_their_freedom() {
+        let mut map = map();
+        map.impose(&[(1, 1.0)], 7.0).unwrap();
+        assert_eq!(map.free, ["a", "c"]);
+        assert_eq!(map.theta(&[2.0, 3.0]), [2.0, 7.0, 3.0]);
+    }
+
+    #[test]
+    fn tied_parameters_obey_their_tie_whatever_is_free() {
+        let mut map = map();
+        map.impose(&[(0, 1.0), (2, -4.0)], 1.0).unwrap();
+        assert_eq!(map.free.len(), 2);
+        let theta = map.theta(&[0.3, -0.8]);
+        assert!((theta[0] - 4.0 * theta[2] - 1.0).abs() < 1e-15);
+    }
+
+    #[test]
+    fn what_is_fixed_cannot_be_fixed_again() {
+        let mut map = map();
+        map.impose(&[(1, 1.0)], 7.0).unwrap();
+        assert_eq!(map.impose(&[(1, 1.0)], 8.0), Err(ModelError::Contradiction));
+    }
 }

@@ -1,0 +1,104 @@
+//! The command line: one file a command, the options they share, and what they print.
+
+mod browser;
+mod console;
+mod identify;
+mod inspect;
+mod plugins;
+mod run;
+mod setup;
+mod simulate;
+mod text;
+
+use std::path::PathBuf;
+
+use clap::{Args, Parser, Subcommand};
+
+use crate::documents;
+use crate::error::Error;
+use console::Console;
+
+/// Learns the dynamics of wheeled mobile robots from recordings.
+#[derive(Debug, Parser)]
+#[command(name = "wheelwright", version, about, max_term_width = 100, arg_required_else_help = true)]
+struct Cli {
+    #[command(subcommand)]
+    command: Command,
+    #[command(flatten)]
+    shared: Shared,
+}
+
+/// Options of every command.
+#[derive(Debug, Clone, Args)]
+struct Shared {
+    /// Configuration file (TOML); options on the command line come before it
+    #[arg(long, global = true, value_name = "FILE.toml")]
+    config: Option<PathBuf>,
+    /// Folder for result.json, report.html, model.toml and the simulated series
+    #[arg(long, global = true, value_name = "DIR")]
+    out: Option<PathBuf>,
+    /// Open the report in the browser
+    #[arg(long, global = true)]
+    open: bool,
+    /// Print exactly one JSON document on standard output
+    #[arg(long, global = true)]
+    json: bool,
+    /// Seed of whatever is random
+    #[arg(long, global = true, value_name = "N")]
+    seed: Option<u64>,
+    /// Print no progress and no notes
+    #[arg(long, global = true)]
+    quiet: bool,
+    /// Set a configuration key, as in --set model.static_friction=true (may be repeated)
+    #[arg(long, global = true, value_name = "KEY=VALUE")]
+    set: Vec<String>,
+}
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    /// A whole run from a configuration: robot or recording, identify, validate, report
+    Run(run::Arguments),
+    /// Identify a model's parameters from recordings
+    Identify(identify::Arguments),
+    /// Free-run simulation of an identified model
+    Simulate(simulate::Arguments),
+    /// What is in a recording: columns, topics, rate, gaps, jitter, excitation
+    Inspect(inspect::Arguments),
+    /// List models, robots, solvers and excitations, built in and loaded; check a plugin
+    Plugins(plugins::Arguments),
+}
+
+/// Runs the program on its arguments and returns the exit status of the contract.
+pub fn main() -> u8 {
+    let cli = match Cli::try_parse() {
+        Ok(cli) => cli,
+        Err(error) => {
+            // Help and version are no errors; nothing can be done about a closed terminal.
+            let _ = error.print();
+            return if error.use_stderr() { 2 } else { 0 };
+        }
+    };
+    let console = Console::new(cli.shared.json, cli.shared.quiet);
+    let outcome = match &cli.command {
+        Command::Run(arguments) => run::run(arguments, &cli.shared, &console),
+        Command::Identify(arguments) => identify::run(arguments, &cli.shared, &console),
+        Command::Simulate(arguments) => simulate::run(arguments, &cli.shared, &console),
+        Command::Inspect(arguments) => inspect::run(arguments, &cli.shared, &console),
+        Command::Plugins(arguments) => plugins::run(arguments, &cli.shared, &console),
+    };
+    match outcome {
+        Ok(()) => 0,
+        Err(error) => {
+            report_failure(&error, &console);
+            error.status()
+        }
+    }
+}
+
+/// A gate fails after its result was printed; any other failure is the one document that `--json` promises.
+fn report_failure(error: &Error, console: &Console) {
+    if !matches!(error, Error::Gate(_)) {
+        console.document(&documents::error(error));
+    }
+    console.error(&error.to_string());
+}
