@@ -4,6 +4,7 @@
 mod common;
 
 use common::*;
+use proptest::prelude::*;
 use wheelwright_core::dataset::Stretch;
 use wheelwright_core::model::ModelConfig;
 use wheelwright_core::simulation::Simulator;
@@ -195,4 +196,39 @@ fn the_presets_have_the_thesis_time_constants() {
         assert!((found / expected - 1.0).abs() < 1e-5, "{found} {expected}");
     }
     assert!(pioneer[2] < 0.0 && pioneer[4] < 0.0 && khepera[2] > 0.0 && khepera[4] > 0.0);
+}
+
+/// A robot of any build: each constant over about a decade, centre of mass before or behind the axle.
+fn any_robot() -> impl Strategy<Value = SimulatorConfig> {
+    let body = (0.5..50.0_f64, 0.2..2.0_f64, -0.5..0.5_f64, 0.08..0.8_f64, 0.1..0.4_f64, 0.8..1.1_f64);
+    let motor = (0.3..10.0_f64, 0.1..2.0_f64, 0.1..2.0_f64, 1e-5..1e-2_f64, 0.0..0.1_f64);
+    let gains = (2.0..200.0_f64, 0.0..0.3_f64, 0.5..2.0_f64, 0.0..0.3_f64, any::<bool>());
+    (body, motor, gains).prop_map(|((mass, shape, b, d, radius, lever), (resistance, ka, kb, ie, be), (kp, kd, ratio, kd_turn, wheel))| {
+        let r = radius * d;
+        let controller = if wheel {
+            format!("[controller.wheel-pd]\nkp = {kp:?}\nkd = {:?}", kd * kp)
+        } else {
+            let (kpt, kpr) = (kp / r, ratio * kp * d / (2.0 * r));
+            format!("[controller.vw-pd]\nkpt = {kpt:?}\nkdt = {:?}\nkpr = {kpr:?}\nkdr = {:?}", kd * kpt, kd_turn * kpr)
+        };
+        config(&format!(
+            "period = 0.05\n[plant]\nmass = {mass:?}\nyaw_inertia = {:?}\ncom_offset = {:?}\ntrack_width = {d:?}\nwheel_radius = {r:?}\n\
+             tyre_radius = {:?}\nresistance = {resistance:?}\ntorque_constant = {ka:?}\nemf_constant = {kb:?}\nwheel_inertia = {ie:?}\n\
+             wheel_friction = {be:?}\n{controller}",
+            shape * mass * d * d / 6.0,
+            0.2 * b * d,
+            lever * r,
+        ))
+    })
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 24, ..ProptestConfig::default() })]
+
+    #[test]
+    fn any_robot_follows_its_theta_model(config in any_robot()) {
+        let run = run(&mut config.build(0).unwrap(), 60, |t| [0.4 + 0.3 * (3.0 * t).sin(), 0.5 + (2.0 * t).cos()]);
+        let distance = distance(&config, &run);
+        prop_assert!(distance < 1e-9, "{distance:e} {:?}", theta(&config));
+    }
 }

@@ -1,6 +1,6 @@
 //! The plant: a rigid body on two driven wheels, each with its motor, rolling without slip.
 //!
-//! Nothing here is solved beforehand. [`Plant::imbalance`] states Newton's and Euler's equations with the forces that the
+//! Nothing here is solved beforehand. `Plant::imbalance` states Newton's and Euler's equations with the forces that the
 //! motors put on the ground; the accelerations are those at which nothing is left over. The controllers act on
 //! accelerations too, so voltages, forces and accelerations form one algebraic loop, which this closes.
 
