@@ -16,6 +16,8 @@ const TABLES: &[&str] = &[
     "type = 'wheel-voltage'\nstatic_friction = true",
     "type = 'wheel-voltage'\nsymmetric = true",
     "type = 'wheel-voltage'\nsymmetric = true\nstatic_friction = true",
+    "type = 'expression'\nname = 'drag'\ninputs = { u = 'N' }\noutputs = { v = 'm/s' }\nequations = ['u = mass*der(v) + drag*v*abs(v)']
+    parameters = { mass = { unit = 'kg', min = 0 }, drag = { unit = 'kg/m' } }",
 ];
 
 fn build(table: &str) -> Box<dyn RegressorModel> {
@@ -37,5 +39,5 @@ fn every_registered_model_conforms() {
 
 #[test]
 fn the_built_in_models_are_registered() {
-    assert_eq!(names::<Box<dyn ModelConfig>>(), ["vw-pd", "wheel-pd", "wheel-voltage"]);
+    assert_eq!(names::<Box<dyn ModelConfig>>(), ["expression", "vw-pd", "wheel-pd", "wheel-voltage"]);
 }

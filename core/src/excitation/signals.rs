@@ -18,12 +18,12 @@ use super::{Excitation, ExcitationError, check_channel, check_duration};
 use crate::channel::Channel;
 
 /// A sum of signals; signals on one channel add up.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
 pub struct Signals {
-    /// Length \[s\].
+    /// Length \[s\]; to be given.
     pub duration: f64,
-    /// The summands.
+    /// The summands; at least one.
     pub signals: Vec<Signal>,
 }
 
