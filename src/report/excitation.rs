@@ -27,7 +27,7 @@ pub(super) fn spectra(model: &dyn RegressorModel, found: &Identification) -> Str
         let left = welch(&left, step).filter(|l| proof.failure.is_none() && l.window == measured.window);
         curves.extend(left.as_ref().map(|l| ("residual", Role::Residual, l)));
         let caption = format!(
-            "{}, {data} data. Where the residual reaches the measurement, the model explains nothing; {}.",
+            "{}, {data} data. Where the residual comes up to the measurement, what was measured is noise or motion the model leaves out. {}.",
             output.name,
             method(&measured)
         );
@@ -44,7 +44,7 @@ pub(super) fn html(model: &dyn RegressorModel, outcome: &Outcome<'_>) -> String 
     let spectrum = |(i, input): (usize, &Channel)| {
         let signal: Vec<(&[f64], &[f64])> = all.iter().map(|s| (s.time.as_slice(), s.inputs[i].as_slice())).collect();
         let density = welch(&signal, step).filter(|s| s.density.iter().skip(1).any(|d| *d > 0.0))?;
-        let caption = format!("Spectrum of {}, all data: the frequencies that were excited; {}.", input.name, method(&density));
+        let caption = format!("Spectrum of {}, all data: the frequencies that were excited. {}.", input.name, method(&density));
         Some(density_plot(&input.name, &input.unit, &[(&*input.name, Role::Command, &density)], caption).html())
     };
     let spectra: String = model.inputs().iter().enumerate().filter_map(spectrum).collect();
@@ -85,7 +85,7 @@ fn cloud(stretches: &[(&Stretch, bool)], x: &Channel, y: &Channel, pair: Pair<'_
         x: Axis::linear(&x.name, &x.unit),
         points,
         panels: vec![Panel { y: Axis::linear(&y.name, &y.unit), height: HEIGHT, series }],
-        marks: Vec::new(),
+        breaks: Vec::new(),
         caption: format!("Where {} and {} have been together: the model is proven there and extrapolates elsewhere.", x.name, y.name),
     };
     plot.html()
@@ -102,7 +102,7 @@ fn density_plot(quantity: &str, unit: &str, curves: &[(&str, Role, &Spectrum)], 
         x: Axis::log("frequency", "Hz"),
         points,
         panels: vec![Panel { y: Axis::log(&format!("density of {quantity}"), &unit), height: HEIGHT, series }],
-        marks: Vec::new(),
+        breaks: Vec::new(),
         caption,
     }
 }

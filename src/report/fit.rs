@@ -54,7 +54,7 @@ fn overlay(model: &dyn RegressorModel, i: usize, data: &str, timeline: &Timeline
             Panel { y: Axis::linear(&output.name, &output.unit), height: OVERLAY, series },
             Panel { y: Axis::linear("residual", &output.unit), height: RESIDUAL, series: strip },
         ],
-        marks: joined.marks,
+        breaks: joined.breaks,
         caption: format!(
             "{}, {data} data: measured, and simulated from the first sample of each stretch with the recorded inputs alone.{remark}",
             output.name
@@ -81,7 +81,7 @@ pub(super) fn measured_html(model: &dyn RegressorModel, data: &Dataset) -> Strin
         series.push(Series::new("measured", Style::Line, Role::Measured, measured));
         let panel = Panel { y: Axis::linear(&output.name, &output.unit), height: OVERLAY, series };
         let (x, caption) = (Axis::linear(timeline.label, "s"), format!("{} as measured.{remark}", output.name));
-        Plot { group: "measured".to_owned(), x, points: joined.time, panels: vec![panel], marks: joined.marks, caption }.html()
+        Plot { group: "measured".to_owned(), x, points: joined.time, panels: vec![panel], breaks: joined.breaks, caption }.html()
     };
     if stretches.is_empty() { String::new() } else { model.outputs().iter().enumerate().map(figure).collect() }
 }

@@ -80,7 +80,7 @@ fn tiles(model: &dyn RegressorModel, found: &Identification) -> String {
             escape(&small.join(" · "))
         );
     }
-    html.push_str("<p class=\"scale\">Fit: 100 % is a perfect copy of the measurement, 0 % no better than its mean.</p>");
+    html.push_str("<p class=\"scale\">Fit: 100&nbsp;% is a perfect copy of the measurement, 0&nbsp;% no better than its mean.</p>");
     html
 }
 

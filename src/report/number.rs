@@ -58,6 +58,7 @@ impl Scale {
     pub fn of(value: f64, uncertainty: Option<f64>) -> Self {
         let last = match uncertainty {
             Some(u) if u.is_finite() && u > 0.0 => (magnitude(u) - 1).max(magnitude(value) - 9),
+            _ if value == 0.0 => 0,
             _ => magnitude(value) - 4,
         };
         let first = magnitude(value).max(last);
@@ -114,7 +115,7 @@ mod tests {
         assert_eq!(shown(0.260_213, None), ("0.26021".to_owned(), None));
         assert_eq!(shown(1.5e-9, Some(2.0e-11)), ("1.500\u{202f}×\u{202f}10⁻⁹".to_owned(), Some("0.020\u{202f}×\u{202f}10⁻⁹".to_owned())));
         assert_eq!(shown(f64::NAN, None).0, NONE);
-        assert_eq!(shown(0.0, Some(0.0)).0, "0.0000");
+        assert_eq!(shown(0.0, Some(0.0)).0, "0");
     }
 
     #[test]

@@ -45,7 +45,11 @@ impl Page {
     /// A page with a heading and a line below it.
     pub fn new(title: &str, subtitle: &str) -> Self {
         let (title, subtitle) = (escape(title), escape(subtitle));
-        let body = format!("<header><h1>{title}</h1><p class=\"subtitle\">{subtitle}</p></header>\n");
+        let body = format!(
+            "<header><h1>{title}</h1><p class=\"subtitle\">{subtitle}</p></header>\n\
+             <noscript><p class=\"note\">Plots are drawn by a script in this file, which this browser does not run. \
+             All numbers and tables are here without it.</p></noscript>\n"
+        );
         Self { title, body }
     }
 
@@ -73,8 +77,6 @@ impl Page {
              <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n\
              <meta name=\"color-scheme\" content=\"light dark\">\n<title>{title}</title>\n<link rel=\"icon\" href=\"data:,\">\n\
              <style>\n{UPLOT_STYLE}\n{STYLE}</style>\n</head>\n<body>\n<main>\n{body}\
-             <noscript><p class=\"note\">Plots are drawn by a script in this file, which this browser does not run. \
-             All numbers and tables are here without it.</p></noscript>\n\
              <footer>{colophon}</footer>\n</main>\n\
              <script>\n/* uPlot 1.6.32\n{UPLOT_LICENCE}\n*/{uplot}</script>\n<script>\n{SCRIPT}</script>\n</body>\n</html>\n",
             colophon = escape(colophon),

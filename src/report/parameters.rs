@@ -37,7 +37,12 @@ fn row(estimate: &Estimate) -> Vec<String> {
     let interval = interval.map_or_else(
         || NONE.to_owned(),
         |(low, high)| {
-            format!("{}<span class=\"interval\">{} … {}</span>", bar(estimate.value, low, high), scale.show(low), scale.show(high))
+            format!(
+                "<span class=\"ci\">{}<span class=\"interval\">{} … {}</span></span>",
+                bar(estimate.value, low, high),
+                scale.show(low),
+                scale.show(high)
+            )
         },
     );
     let mut meaning = escape(&estimate.parameter.meaning);

@@ -102,15 +102,6 @@ pub struct Panel {
     pub series: Vec<Series>,
 }
 
-/// A border between stretches.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct Mark {
-    /// Where on the horizontal axis.
-    pub at: f64,
-    /// What begins there.
-    pub label: String,
-}
-
 /// Panels over one horizontal axis, with cursors and zoom linked.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Plot {
@@ -122,16 +113,19 @@ pub struct Plot {
     pub points: Vec<f64>,
     /// Panels from top to bottom.
     pub panels: Vec<Panel>,
-    /// Borders.
-    pub marks: Vec<Mark>,
+    /// Breaks between stretches, where the one ends and where the next begins.
+    pub breaks: Vec<(f64, f64)>,
     /// Text below, which also names the plot to who cannot see it.
     #[serde(skip)]
     pub caption: String,
 }
 
 impl Plot {
-    /// The plot as an HTML figure.
+    /// The plot as an HTML figure; nothing without points.
     pub fn html(&self) -> String {
+        if self.points.is_empty() {
+            return String::new();
+        }
         let caption = escape(&self.caption);
         format!(
             "<figure class=\"plot\"><div class=\"canvas\" role=\"img\" aria-label=\"{caption}\"></div>{}<figcaption>{caption}</figcaption></figure>\n",
@@ -249,7 +243,7 @@ mod tests {
                 height: 200,
                 series: vec![Series::new("v", Style::Line, Role::Measured, values)],
             }],
-            marks: Vec::new(),
+            breaks: Vec::new(),
             caption: "</figcaption>".to_owned(),
         };
         let html = plot.html();

@@ -38,7 +38,7 @@ pub(super) fn html(model: &dyn RegressorModel, solution: &Solution) -> String {
     let thin = format!(" Clouds of more than {} points are drawn thinned.", number::count(SCATTER_POINTS));
     format!(
         "<p>Each parameter against the data that determines it: its term and the response, both less what all other terms \
-         explain. The slope of the line is the estimate; a cloud that hugs its line determines the parameter well.{thin}</p>\n{text}"
+         explain (their own parts). The slope of the line is the estimate; a cloud that hugs its line determines the parameter well.{thin}</p>\n{text}"
     )
 }
 
@@ -64,7 +64,7 @@ fn equation_html(model: &dyn RegressorModel, solution: &Solution, equation: &Equ
                 height: HEIGHT,
                 series,
             }],
-            marks: Vec::new(),
+            breaks: Vec::new(),
             caption: format!("The slope is {}.", slope.trim_end()),
         });
     }
@@ -82,7 +82,7 @@ fn response_plot(equation: &Equation, y: &[f64], predicted: &[f64]) -> Plot {
         x: Axis::linear("predicted by the regression", &unit),
         points,
         panels: vec![Panel { y: Axis::linear(&equation.response.label, &unit), height: HEIGHT, series }],
-        marks: Vec::new(),
+        breaks: Vec::new(),
         caption: format!("{} against what the regression predicts of it.", equation.response.label),
     }
 }

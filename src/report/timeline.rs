@@ -6,7 +6,7 @@
 
 use wheelwright_core::Stretch;
 
-use crate::report::plot::{Mark, TIME_POINTS, keep_extremes};
+use crate::report::plot::{TIME_POINTS, keep_extremes};
 
 /// Share of the time axis that breaks may take before stretches are set end to end.
 const MAX_BREAKS: f64 = 0.25;
@@ -29,8 +29,8 @@ pub struct Joined {
     pub time: Vec<f64>,
     /// Signals in the order given; `None` at breaks and where a signal ended early.
     pub columns: Vec<Vec<Option<f64>>>,
-    /// Beginnings of the stretches, if there is more than one.
-    pub marks: Vec<Mark>,
+    /// Breaks: where a stretch ends and where the next begins.
+    pub breaks: Vec<(f64, f64)>,
     /// Samples there were.
     pub samples: usize,
     /// True if points were left out.
@@ -64,14 +64,16 @@ impl Timeline {
     pub fn join(&self, stretches: &[&Stretch], signals: &[Vec<&[f64]>]) -> Joined {
         let samples: usize = stretches.iter().map(|s| s.len()).sum();
         let count = signals.first().map_or(0, Vec::len);
-        let mut joined = Joined { time: Vec::new(), columns: vec![Vec::new(); count], marks: Vec::new(), samples, thinned: false };
+        let mut joined = Joined { time: Vec::new(), columns: vec![Vec::new(); count], breaks: Vec::new(), samples, thinned: false };
         for ((stretch, columns), shift) in stretches.iter().zip(signals).zip(&self.shifts) {
             let rows = stretch.len();
             let budget = TIME_POINTS * rows / samples.max(1);
-            let kept = keep_extremes(columns, rows, budget / (2 * count.max(1)));
+            // Extremes of different signals often share a row: the finest parts that stay within the budget are taken.
+            let kept = (1..=count).map(|share| keep_extremes(columns, rows, budget / (2 * share))).find(|kept| kept.len() <= budget + 2);
+            let kept = kept.unwrap_or_else(|| keep_extremes(columns, rows, budget / (2 * count.max(1))));
             joined.thinned |= kept.len() < rows;
             if let (Some(last), Some(first)) = (joined.time.last().copied(), stretch.time.first().map(|t| t + shift)) {
-                joined.gap(0.5 * (last + first), &stretch.label);
+                joined.gap(last, first);
             }
             joined.time.extend(kept.iter().map(|&row| stretch.time[row] + shift));
             for (target, column) in joined.columns.iter_mut().zip(columns) {
@@ -83,17 +85,17 @@ impl Timeline {
 }
 
 impl Joined {
-    fn gap(&mut self, at: f64, label: &str) {
-        self.time.push(at);
+    fn gap(&mut self, from: f64, to: f64) {
+        self.time.push(0.5 * (from + to));
         self.columns.iter_mut().for_each(|c| c.push(None));
-        self.marks.push(Mark { at, label: label.to_owned() });
+        self.breaks.push((from, to));
     }
 
     /// What a caption has to say about what is not shown, or nothing.
     pub fn remark(&self) -> String {
         let mut text = String::new();
-        if !self.marks.is_empty() {
-            text.push_str(" Dotted lines are breaks between stretches; nothing was simulated across them.");
+        if !self.breaks.is_empty() {
+            text.push_str(" Dotted lines and grey bands are breaks between stretches; nothing was computed across them.");
         }
         if self.thinned {
             let (shown, all) = (self.time.len(), crate::report::number::count(self.samples));
@@ -126,8 +128,8 @@ mod tests {
         let (line, joined) = join(&[stretch(5.0, 101), stretch(16.0, 101)]);
         assert_eq!(line.label, "time of the recording");
         assert_eq!(joined.time[0], 5.0);
-        assert_eq!(joined.marks.len(), 1);
-        assert!((joined.marks[0].at - 15.5).abs() < 1e-9 && joined.columns[0][101].is_none());
+        assert_eq!(joined.breaks, [(15.0, 16.0)]);
+        assert!((joined.time[101] - 15.5).abs() < 1e-9 && joined.columns[0][101].is_none());
     }
 
     #[test]
@@ -144,7 +146,7 @@ mod tests {
     fn dates_become_times() {
         let (line, joined) = join(&[stretch(1.7e9, 11)]);
         assert_eq!((line.label, joined.time[0]), ("time since the first sample", 0.0));
-        assert!(joined.marks.is_empty() && joined.remark().is_empty());
+        assert!(joined.breaks.is_empty() && joined.remark().is_empty());
     }
 
     #[test]

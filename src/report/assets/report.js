@@ -46,22 +46,28 @@
     };
   }
 
-  // Dotted borders between stretches, with their labels where there is room.
-  function borders(marks) {
+  // Breaks between stretches: a dotted line, or a band where there is time between them.
+  function borders(breaks) {
     return (u) => {
       const { ctx, bbox } = u;
+      const inside = (x) => Math.min(Math.max(x, bbox.left), bbox.left + bbox.width);
       ctx.save();
       ctx.strokeStyle = colour("command");
-      ctx.fillStyle = colour("soft");
+      ctx.fillStyle = colour("band");
       ctx.lineWidth = devicePixelRatio;
       ctx.setLineDash([2 * devicePixelRatio, 3 * devicePixelRatio]);
-      for (const mark of marks) {
-        const x = Math.round(u.valToPos(mark.at, "x", true)) + 0.5;
-        if (x < bbox.left || x > bbox.left + bbox.width) continue;
-        ctx.beginPath();
-        ctx.moveTo(x, bbox.top);
-        ctx.lineTo(x, bbox.top + bbox.height);
-        ctx.stroke();
+      for (const [from, to] of breaks) {
+        const [left, right] = [from, to].map((t) => u.valToPos(t, "x", true));
+        if (right < bbox.left || left > bbox.left + bbox.width) continue;
+        if (right - left > 4 * devicePixelRatio) {
+          ctx.fillRect(inside(left), bbox.top, inside(right) - inside(left), bbox.height);
+        } else {
+          const x = Math.round((left + right) / 2) + 0.5;
+          ctx.beginPath();
+          ctx.moveTo(x, bbox.top);
+          ctx.lineTo(x, bbox.top + bbox.height);
+          ctx.stroke();
+        }
       }
       ctx.restore();
     };
@@ -72,7 +78,7 @@
     let lastTap = 0;
     const send = (type, target, event) => {
       const at = event.changedTouches[0];
-      target.dispatchEvent(new MouseEvent(type, { clientX: at.clientX, clientY: at.clientY, button: 0, bubbles: true, view: window }));
+      target.dispatchEvent(new MouseEvent(type, { clientX: at.clientX, clientY: at.clientY, button: 0, movementX: 1, bubbles: true, view: window }));
     };
     u.over.addEventListener("touchstart", (event) => {
       if (event.touches.length > 1) return;
@@ -90,12 +96,12 @@
   // A cloud gets room at its sides: points without values just beyond its ends.
   function widen(plot) {
     const x = plot.points;
-    const room = 0.03 * (x.at(-1) - x[0]);
+    const room = 0.03 * (x.at(-1) - x[0]) || 1;
     plot.points = [x[0] - room, ...x, x.at(-1) + room];
     for (const panel of plot.panels) for (const s of panel.series) if (!s.line) s.values = [null, ...s.values, null];
   }
 
-  function build(figure, width) {
+  function build(figure, width, tall = 1) {
     const { plot, cloud, holder, key } = figure;
     const narrow = width < 480;
     const unit = (plot.x.label.match(/\[(.*)\]$/) || ["", ""])[1];
@@ -110,7 +116,7 @@
         ...(spec.log && { filter: (u, splits) => splits }),
       });
       const options = {
-        width, height: panel.height + (last ? 26 : 0),
+        width, height: tall * panel.height + (last ? 26 : 0),
         padding: [10, 10, 0, 0],
         scales: { x: { time: false, distr: plot.x.log ? 3 : 1 }, y: { distr: panel.y.log ? 3 : 1 } },
         axes: [
@@ -123,7 +129,7 @@
           drag: cloud || plot.x.log ? { x: true, y: true, uni: 30 } : { x: true, y: false },
         },
         hooks: {
-          drawClear: [borders(plot.marks)],
+          drawClear: [borders(plot.breaks)],
           ready: [touch],
           setCursor: [(u) => holder.classList.toggle("live", u.cursor.idx != null)],
           setScale: [(u, scale) => scale === "x" && linked(key, u)],
@@ -157,10 +163,11 @@
     }
   }
 
-  function redraw(width) {
+  function redraw(width, tall) {
     for (const figure of figures) {
       for (const chart of figure.charts) chart.destroy();
-      build(figure, width(figure));
+      figure.button.hidden = true;
+      build(figure, width(figure), tall);
     }
   }
 
@@ -183,6 +190,13 @@
     build(figure, holder.clientWidth);
   }
 
+  if (figures.length) {
+    const hint = document.createElement("p");
+    hint.className = "note hint";
+    hint.textContent = "Drag across a plot to zoom in; double-click or double-tap to go back.";
+    figures[0].element.before(hint);
+  }
+
   let width = root.clientWidth;
   addEventListener("resize", () => {
     if (root.clientWidth === width) return;
@@ -191,10 +205,10 @@
   });
   matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => redraw((f) => f.holder.clientWidth));
 
-  // Paper is white and as wide as it is.
+  // Paper is white, as wide as it is, and holds two figures a page.
   addEventListener("beforeprint", () => {
     root.classList.add("print");
-    redraw((f) => (f.element.parentElement.classList.contains("grid") ? (PRINT_WIDTH - PRINT_GAP) / 2 : PRINT_WIDTH));
+    redraw((f) => (f.element.parentElement.classList.contains("grid") ? (PRINT_WIDTH - PRINT_GAP) / 2 : PRINT_WIDTH), 0.75);
   });
   addEventListener("afterprint", () => {
     root.classList.remove("print");
