@@ -54,7 +54,12 @@ pub enum IdentifyError {
 /// # Errors
 /// [`IdentifyError`].
 pub fn identify(problem: &Problem<'_>, solver: &dyn Solver, held_out: &Dataset) -> Result<Identification, IdentifyError> {
-    let solution = solver.solve(problem)?;
+    let solution = solver.solve(problem);
+    // A model that failed leaves NaN, and then whatever the solver says of it is not the reason.
+    if let Some(failure) = problem.model.failure() {
+        return Err(failure.into());
+    }
+    let solution = solution?;
     let train = validate(problem.model, &solution.theta, problem.data)?;
     let held_out = if held_out.stretches.is_empty() { None } else { Some(validate(problem.model, &solution.theta, held_out)?) };
     Ok(Identification {

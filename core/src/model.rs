@@ -134,6 +134,12 @@ pub trait RegressorModel: Debug + Send + Sync {
     /// Writes Φ (row-major, equations × parameters) and y (equations) at a sample. Φ must be affine in the accelerations.
     fn regressor(&self, sample: Sample<'_>, phi: &mut [f64], y: &mut [f64]);
 
+    /// Why [`regressor`](Self::regressor) failed, if it did: a model whose code lies outside this program can, and then
+    /// writes NaN. Identification asks after solving; built-in models never fail.
+    fn failure(&self) -> Option<ModelError> {
+        None
+    }
+
     /// Equalities between parameters that the physics of this model demands; none by default.
     fn map(&self) -> ParameterMap {
         ParameterMap::identity(self.parameters())

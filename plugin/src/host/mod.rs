@@ -1,0 +1,8 @@
+//! The host's side: load a library, check what it hands out, and make its robots and models look like built-in ones.
+
+pub(crate) mod file;
+pub(crate) mod library;
+pub(crate) mod model;
+pub(crate) mod offer;
+pub(crate) mod read;
+pub(crate) mod robot;
