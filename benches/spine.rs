@@ -45,7 +45,9 @@ fn mcap_read(criterion: &mut Criterion) {
     let path = folder.join("million.mcap");
     let mut group = criterion.benchmark_group("mcap_read");
     group.sample_size(10).measurement_time(Duration::from_secs(5)).throughput(Throughput::Elements(1_000_000));
-    group.bench_function("million_messages", |b| b.iter(|| black_box(wheelwright::recordings::open(&path, &ReadOptions::default()).is_ok())));
+    group.bench_function("million_messages", |b| {
+        b.iter(|| black_box(wheelwright::recordings::open(&path, &ReadOptions::default()).is_ok()))
+    });
     group.finish();
 }
 

@@ -6,7 +6,7 @@ use wheelwright_core::identification::Identification;
 use wheelwright_core::validation::Validation;
 
 use crate::error::Error;
-use crate::source::Facts;
+use crate::report::RecordingFacts;
 use crate::study::Findings;
 
 /// `wheelwright.identify/1`.
@@ -47,9 +47,9 @@ pub fn fit(outputs: &[Channel], validation: &Validation) -> Value {
 }
 
 /// A recording's facts.
-pub fn recording(facts: &Facts) -> Value {
+pub fn recording(facts: &RecordingFacts) -> Value {
     json!({
-        "path": facts.path.display().to_string(),
+        "path": facts.path,
         "format": facts.format,
         "samples": facts.samples,
         "segments": facts.segments,

@@ -11,7 +11,7 @@ pub mod error;
 pub mod model_file;
 pub mod output;
 pub mod registry;
-pub mod page;
+pub mod report;
 pub mod source;
 pub mod study;
 pub mod toml_file;
@@ -29,5 +29,4 @@ pub mod prelude {
     pub use wheelwright_core::{Channel, Dataset, ModelConfig, Problem, ReadOptions, Recording, RegressorModel, Solver};
     pub use wheelwright_models::{VwPdConfig, WheelPdConfig, WheelVoltageConfig};
     pub use wheelwright_solvers::{BoundedSolver, Ols, Thesis};
-
 }

@@ -94,7 +94,10 @@ impl ModelFile {
     pub fn theta(&self, model: &dyn RegressorModel) -> Result<Vec<f64>, ConfigError> {
         let known: Vec<&str> = model.parameters().iter().map(|p| p.name.as_str()).collect();
         if let Some(stray) = self.parameter.iter().find(|p| !known.contains(&p.name.as_str())) {
-            return Err(ConfigError::new("parameter", format!("model `{}` has no parameter `{}`: it has {}", model.name(), stray.name, known.join(", "))));
+            return Err(ConfigError::new(
+                "parameter",
+                format!("model `{}` has no parameter `{}`: it has {}", model.name(), stray.name, known.join(", ")),
+            ));
         }
         let value = |name: &&str| {
             let found = self.parameter.iter().find(|p| p.name == **name).map(|p| p.value);

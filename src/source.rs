@@ -5,9 +5,10 @@ use std::io::Read;
 use std::path::{Path, PathBuf};
 
 use sha2::{Digest, Sha256};
-use wheelwright_core::recording::{ClockReport, ReadOptions, Recording};
+use wheelwright_core::recording::{ReadOptions, Recording};
 
 use crate::error::Error;
+use crate::report::RecordingFacts;
 
 /// Rows further apart than this many median periods are a break: the robot went unobserved for several periods, and
 /// neither a filter nor a held command can be trusted across it.
@@ -19,30 +20,7 @@ pub struct Source {
     /// The rows.
     pub recording: Recording,
     /// What a report states about them.
-    pub facts: Facts,
-}
-
-/// What a report states about a recording.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Facts {
-    /// File or folder as the user named it.
-    pub path: PathBuf,
-    /// Format found from the content.
-    pub format: String,
-    /// Rows.
-    pub samples: usize,
-    /// Segments after cutting at gaps.
-    pub segments: usize,
-    /// Time covered \[s\].
-    pub duration_s: f64,
-    /// One over the median period \[Hz\].
-    pub rate_hz: f64,
-    /// SHA-256 of the file, or of the names and contents of a folder's files in order of name; empty for no file.
-    pub sha256: String,
-    /// Clock findings.
-    pub clock: ClockReport,
-    /// What the reader warned of.
-    pub warnings: Vec<String>,
+    pub facts: RecordingFacts,
 }
 
 impl Source {
@@ -70,18 +48,8 @@ impl Source {
 
     fn new(mut recording: Recording, path: &Path, sha256: String) -> Self {
         recording.split_at_gaps(GAP_PERIODS);
-        let period = recording.period();
-        let facts = Facts {
-            path: path.to_owned(),
-            format: recording.source.format.clone(),
-            samples: recording.rows(),
-            segments: recording.segments().len(),
-            duration_s: recording.duration(),
-            rate_hz: if period > 0.0 { 1.0 / period } else { 0.0 },
-            sha256,
-            clock: recording.clock.clone(),
-            warnings: recording.warnings.clone(),
-        };
+        path.clone_into(&mut recording.source.path);
+        let facts = RecordingFacts::new(&recording, "identification", &sha256);
         Self { recording, facts }
     }
 }

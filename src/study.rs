@@ -12,7 +12,8 @@ use wheelwright_core::solver::{Problem, Solver};
 
 use crate::constraints::Freedom;
 use crate::error::Error;
-use crate::source::{Facts, Source};
+use crate::report::RecordingFacts;
+use crate::source::Source;
 
 /// What is to be identified, and how.
 #[derive(Debug)]
@@ -21,6 +22,8 @@ pub struct Study {
     pub model_table: Table,
     /// The model.
     pub model: Box<dyn RegressorModel>,
+    /// One line on what the model is.
+    pub model_about: String,
     /// Which parameters are free, and within which bounds.
     pub freedom: Freedom,
     /// The solver.
@@ -39,9 +42,9 @@ pub struct Study {
 #[derive(Debug)]
 pub struct Findings {
     /// Facts of the recordings fitted, in the order given.
-    pub recordings: Vec<Facts>,
+    pub recordings: Vec<RecordingFacts>,
     /// Facts of the recordings that only validate.
-    pub validation_recordings: Vec<Facts>,
+    pub validation_recordings: Vec<RecordingFacts>,
     /// What was fitted.
     pub train: Dataset,
     /// What no estimate saw.
@@ -78,8 +81,9 @@ impl Study {
         let Freedom { map, bounds } = self.freedom.clone();
         let problem = Problem { model: &*self.model, data: &train, map, bounds, seed: self.seed };
         let identification = identify(&problem, &*self.solver, &held_out);
-        let facts = |sources: &[Source]| sources.iter().map(|s| s.facts.clone()).collect::<Vec<_>>();
-        let (recordings, validation_recordings) = (facts(sources), facts(validation));
+        let recordings: Vec<_> = sources.iter().map(|s| s.facts.clone()).collect();
+        let used = |s: &Source| RecordingFacts { used_for: "validation".to_owned(), ..s.facts.clone() };
+        let validation_recordings: Vec<_> = validation.iter().map(used).collect();
         let warnings = warnings(recordings.iter().chain(&validation_recordings), &identification);
         Ok(Findings { recordings, validation_recordings, identification, warnings, train, held_out })
     }
@@ -130,9 +134,8 @@ fn built_in_models() -> Vec<Box<dyn ModelConfig>> {
     names.into_iter().filter_map(|name| wheelwright_core::config::tagged(table(name)).ok()).collect()
 }
 
-fn warnings<'a>(facts: impl Iterator<Item = &'a Facts>, identification: &Result<Identification, IdentifyError>) -> Vec<String> {
-    let mut warnings: Vec<String> =
-        facts.flat_map(|f| f.warnings.iter().map(|warning| format!("{}: {warning}", f.path.display()))).collect();
+fn warnings<'a>(facts: impl Iterator<Item = &'a RecordingFacts>, identification: &Result<Identification, IdentifyError>) -> Vec<String> {
+    let mut warnings: Vec<String> = facts.flat_map(|f| f.warnings.iter().map(|warning| format!("{}: {warning}", f.path))).collect();
     if let Ok(found) = identification {
         warnings.extend(found.solution.warnings.iter().cloned());
         for (part, validation) in [("the data fitted", Some(&found.train)), ("the held-out data", found.held_out.as_ref())] {

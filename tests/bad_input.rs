@@ -95,7 +95,12 @@ fn recordings() -> Vec<Case> {
     vec![
         case("no such file", vec![], "identify absent.csv", 2, &["absent.csv", "No such file"]),
         csv_case("zero bytes", vec![], 2, &["log.csv", "0 bytes"]),
-        csv_case("binary garbage", (0..4096u32).map(|i| (i.wrapping_mul(2_654_435_761) >> 24) as u8).collect(), 2, &["log.csv", "no known format"]),
+        csv_case(
+            "binary garbage",
+            (0..4096u32).map(|i| (i.wrapping_mul(2_654_435_761) >> 24) as u8).collect(),
+            2,
+            &["log.csv", "no known format"],
+        ),
         csv_case("a picture", b"\x89PNG\r\n\x1a\n\0\0\0\rIHDR".to_vec(), 2, &["PNG"]),
         csv_case("header only", text("t,v_ref,omega_ref,v,omega\n"), 2, &["log.csv", "0 data row"]),
         csv_case("one sample", text("t,v_ref,omega_ref,v,omega\n0,0,0,0,0\n"), 2, &["1 data row", "at least two"]),
@@ -106,29 +111,90 @@ fn recordings() -> Vec<Case> {
         csv_case("empty cell", set(5, 3, ""), 2, &["line 7", "`v`", "empty"]),
         csv_case("too many cells", set(5, 3, "1,2"), 2, &["line 7", "6", "5"]),
         csv_case("time goes back", set(100, 0, "1.0"), 2, &["time goes back", "1 s", "segment"]),
-        csv_case("frozen stamps", spoilt(|k, c| if k >= 50 { "2.5".clone_into(&mut c[0]) }), 2, &["same time stamp", "2.5"]),
-        csv_case("no motion", spoilt(|_, c| { "0".clone_into(&mut c[3]); "0".clone_into(&mut c[4]) }), 2, &["no motion", "`v` and `omega`"]),
-        csv_case("decimal commas", text("t;v_ref;omega_ref;v;omega\n0,0;0,1;0,1;0,0;0,0\n0,1;0,2;0,1;0,1;0,0\n0,2;0,2;0,1;0,1;0,0\n"), 2, &["decimal"]),
+        csv_case(
+            "frozen stamps",
+            spoilt(|k, c| {
+                if k >= 50 {
+                    "2.5".clone_into(&mut c[0])
+                }
+            }),
+            2,
+            &["same time stamp", "2.5"],
+        ),
+        csv_case(
+            "no motion",
+            spoilt(|_, c| {
+                "0".clone_into(&mut c[3]);
+                "0".clone_into(&mut c[4])
+            }),
+            2,
+            &["no motion", "`v` and `omega`"],
+        ),
+        csv_case(
+            "decimal commas",
+            text("t;v_ref;omega_ref;v;omega\n0,0;0,1;0,1;0,0;0,0\n0,1;0,2;0,1;0,1;0,0\n0,2;0,2;0,1;0,1;0,0\n"),
+            2,
+            &["decimal"],
+        ),
         csv_case("missing column", csv_with("t,v_ref,omega_ref,v,gyro", 400, |_, _| ()), 2, &["no column `omega`", "--map omega="]),
         csv_case("missing time", csv_with("time_ms,v_ref,omega_ref,v,omega", 400, |_, _| ()), 2, &["`t`", "--map t="]),
-        csv_case("the same column twice", csv_with("t,v_ref,omega_ref,v,v", 400, |_, _| ()), 2, &["`v`", "twice"]),
+        csv_case("the same column twice", csv_with("t,v_ref,omega_ref,v,v", 400, |_, _| ()), 2, &["`v`", "two columns"]),
         csv_case("millimetres a second", spoilt(|_, c| c[3] = (1000.0 * c[3].parse::<f64>().unwrap()).to_string()), 2, &["`v`", "0.001"]),
         case("map to an absent column", vec![("log.csv", good())], "identify log.csv --map v=sped", 2, &["sped"]),
-        case("map without =", vec![("log.csv", good())], "identify log.csv --map v", 2, &["--map v", "NAME"]),
+        case("map without =", vec![("log.csv", good())], "identify log.csv --map v", 2, &["--map v", "v=twist_x"]),
         case("unknown topic role", vec![("log.csv", good())], "identify log.csv --topic scan=/scan", 2, &["scan", "cmd", "odom"]),
-        case("wheel speeds for a velocity model", vec![("log.csv", csv_with("t,u_left,u_right,vel_left,vel_right", 400, |_, _| ()))], "identify log.csv", 2, &["v_ref", "wheel-voltage"]),
-        case("truncated Parquet", vec![("log.parquet", b"PAR1\x15\x04\x15\x08".to_vec())], "inspect log.parquet", 2, &["log.parquet", "Parquet"]),
+        case(
+            "wheel speeds for a velocity model",
+            vec![("log.csv", csv_with("t,u_left,u_right,vel_left,vel_right", 400, |_, _| ()))],
+            "identify log.csv",
+            2,
+            &["v_ref", "wheel-voltage"],
+        ),
+        case(
+            "truncated Parquet",
+            vec![("log.parquet", b"PAR1\x15\x04\x15\x08".to_vec())],
+            "inspect log.parquet",
+            2,
+            &["log.parquet", "Parquet"],
+        ),
         case("truncated MCAP", vec![("log.mcap", b"\x89MCAP0\r\n\x01".to_vec())], "inspect log.mcap", 2, &["log.mcap"]),
         case("MCAP of 10 GB claimed", vec![("log.mcap", claimed_mcap())], "inspect log.mcap", 2, &["log.mcap"]),
-        case("wpilog of 10 GB claimed", vec![("log.wpilog", b"WPILOG\x00\x01\xff\xff\xff\xff".to_vec())], "inspect log.wpilog", 2, &["log.wpilog"]),
+        case(
+            "wpilog of 10 GB claimed",
+            vec![("log.wpilog", b"WPILOG\x00\x01\xff\xff\xff\xff".to_vec())],
+            "inspect log.wpilog",
+            2,
+            &["log.wpilog"],
+        ),
         case("SQLite that is no bag", vec![("log.db3", sqlite_head())], "inspect log.db3", 2, &["log.db3"]),
         case("ROS 1 bag cut after its magic", vec![("log.bag", text("#ROSBAG V2.0\n"))], "inspect log.bag", 2, &["log.bag"]),
         case("JSON of another kind", vec![("log.json", text("{\"a\": [1, 2, 3]}"))], "inspect log.json", 2, &["log.json"]),
-        case("JSON rows of two lengths", vec![("log.json", frc("[0.0, 12.0, 0.0, 1.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0], [0.02, 12.0]"))], "inspect log.json", 2, &["log.json", "slow-forward"]),
-        case("JSON rows of an unknown length", vec![("log.json", frc("[0.0, 12.0, 1.0], [0.02, 12.0, 1.0], [0.04, 12.0, 1.0]"))], "inspect log.json", 2, &["log.json", "3"]),
+        case(
+            "JSON rows of two lengths",
+            vec![("log.json", frc("[0.0, 12.0, 0.0, 1.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0], [0.02, 12.0]"))],
+            "inspect log.json",
+            2,
+            &["log.json", "slow-forward"],
+        ),
+        case(
+            "JSON rows of an unknown length",
+            vec![("log.json", frc("[0.0, 12.0, 1.0], [0.02, 12.0, 1.0], [0.04, 12.0, 1.0]"))],
+            "inspect log.json",
+            2,
+            &["log.json", "3"],
+        ),
         case("JSON that ends", vec![("log.json", text("{\"slow-forward\": [[0.0, 12.0"))], "inspect log.json", 2, &["log.json"]),
         case("bag folder without metadata", vec![("bag/readme.txt", text("hello"))], "inspect bag", 2, &["bag", "metadata.yaml"]),
-        case("bag folder whose storage is gone", vec![("bag/metadata.yaml", text("rosbag2_bagfile_information:\n  storage_identifier: sqlite3\n  relative_file_paths:\n  - gone.db3\n"))], "inspect bag", 2, &["gone.db3"]),
+        case(
+            "bag folder whose storage is gone",
+            vec![(
+                "bag/metadata.yaml",
+                text("rosbag2_bagfile_information:\n  storage_identifier: sqlite3\n  relative_file_paths:\n  - gone.db3\n"),
+            )],
+            "inspect bag",
+            2,
+            &["gone.db3"],
+        ),
     ]
 }
 
@@ -155,28 +221,74 @@ fn configurations() -> Vec<Case> {
     vec![
         config_case("TOML that is none", "[model\ntype = 3", 2, &["c.toml:1:"]),
         config_case("unknown section", "[modle]\ntype = \"vw-pd\"\n", 2, &["c.toml", "modle", "did you mean `model`"]),
-        config_case("unknown model", "[model]\ntype = \"vw-pid\"\n", 2, &["c.toml:2:1", "model.type", "vw-pid", "did you mean \"vw-pd\"", "wheel-pd"]),
+        config_case(
+            "unknown model",
+            "[model]\ntype = \"vw-pid\"\n",
+            2,
+            &["c.toml:2:1", "model.type", "vw-pid", "did you mean \"vw-pd\"", "wheel-pd"],
+        ),
         config_case("model without a type of text", "[model]\ntype = 3\n", 2, &["c.toml:2:1", "model.type", "text"]),
-        config_case("unknown key of a model", "[model]\ntype = \"wheel-pd\"\ntrack_widht = 0.3\n", 2, &["c.toml:3:1", "track_widht", "did you mean `track_width`"]),
+        config_case(
+            "unknown key of a model",
+            "[model]\ntype = \"wheel-pd\"\ntrack_widht = 0.3\n",
+            2,
+            &["c.toml:3:1", "track_widht", "did you mean `track_width`"],
+        ),
         config_case("unknown solver", "[solver]\ntype = \"least-squares\"\n", 2, &["solver.type", "least-squares", "ols"]),
         config_case("unknown key of a solver", "[solver]\ntype = \"ols\"\ncutoff = 1.0\n", 2, &["c.toml:3:1", "cutoff"]),
-        config_case("cut-off above what the sampling can show", "[solver]\ntype = \"ols\"\ncutoff_hz = 50.0\n", 2, &["cutoff_hz", "50"]),
+        config_case(
+            "cut-off above what the sampling can show",
+            "[solver]\ntype = \"ols\"\nconditioning = { cutoff_hz = 50.0 }\n",
+            2,
+            &["cutoff_hz", "50"],
+        ),
         config_case("hold-out of everything", "[validation]\nholdout = 1.0\n", 2, &["holdout", "0 to 0.9"]),
         config_case("hold-out as text", "[validation]\nholdout = \"some\"\n", 2, &["c.toml:2:1", "holdout"]),
-        config_case("expression with an unknown name", "[model]\ntype = \"expression\"\nname = \"m\"\ninputs = { v_ref = \"m/s\" }\noutputs = { v = \"m/s\" }\nequations = [\"v_ref = tau*der(v) + v\"]\n[model.parameters]\ntaw = { unit = \"s\" }\n", 2, &["tau", "taw"]),
-        config_case("expression not linear in its parameters", "[model]\ntype = \"expression\"\nname = \"m\"\ninputs = { v_ref = \"m/s\" }\noutputs = { v = \"m/s\" }\nequations = [\"v_ref = tau*tau*der(v) + v\"]\n[model.parameters]\ntau = { unit = \"s\" }\n", 2, &["linear", "tau"]),
+        config_case(
+            "expression with an unknown name",
+            "[model]\ntype = \"expression\"\nname = \"m\"\ninputs = { v_ref = \"m/s\" }\noutputs = { v = \"m/s\" }\nequations = [\"v_ref = tau*der(v) + v\"]\n[model.parameters]\ntaw = { unit = \"s\" }\n",
+            2,
+            &["tau", "taw"],
+        ),
+        config_case(
+            "expression not linear in its parameters",
+            "[model]\ntype = \"expression\"\nname = \"m\"\ninputs = { v_ref = \"m/s\" }\noutputs = { v = \"m/s\" }\nequations = [\"v_ref = tau*tau*der(v) + v\"]\n[model.parameters]\ntau = { unit = \"s\" }\n",
+            2,
+            &["linear", "tau"],
+        ),
         config_case("mapping scaled by nothing", "[recording.columns]\nv = { from = \"v\", scale = 0.0 }\n", 2, &["v", "scale"]),
         config_case("plugin that is not there", "plugins = [\"libgone.so\"]\n", 2, &["libgone.so"]),
         config_case("plugin that is no library", "plugins = [\"log.csv\"]\n", 2, &["log.csv", "shared library"]),
         run_case("neither robot nor recording", "[model]\ntype = \"vw-pd\"\n", 2, &["c.toml", "robot", "recording"]),
-        run_case("unknown robot", "[robot]\ntype = \"simulater\"\n[excitation]\ntype = \"thesis-pioneer\"\n", 2, &["c.toml:2:1", "simulater", "did you mean \"simulator\""]),
+        run_case(
+            "unknown robot",
+            "[robot]\ntype = \"simulater\"\n[excitation]\ntype = \"thesis-pioneer\"\n",
+            2,
+            &["c.toml:2:1", "simulater", "did you mean \"simulator\""],
+        ),
         run_case("robot without excitation", ROBOT, 2, &["excitation"]),
-        run_case("unknown excitation", &format!("{ROBOT}[excitation]\ntype = \"noise\"\n"), 2, &["excitation.type", "noise", "thesis-pioneer"]),
-        run_case("negative mass", &format!("{ROBOT}mass = -9.0\n[excitation]\ntype = \"thesis-pioneer\"\n"), 2, &["c.toml:4:1", "robot.mass", "-9"]),
+        run_case(
+            "unknown excitation",
+            &format!("{ROBOT}[excitation]\ntype = \"noise\"\n"),
+            2,
+            &["excitation.type", "noise", "thesis-pioneer"],
+        ),
+        run_case(
+            "negative mass",
+            &format!("{ROBOT}plant = {{ mass = -9.0 }}\n[excitation]\ntype = \"thesis-pioneer\"\n"),
+            2,
+            &["c.toml:4:1", "robot.plant.mass", "-9"],
+        ),
         run_case("configuration that is not there", "", 2, &["robot"]),
         case("no configuration file", vec![], "run absent.toml", 2, &["absent.toml", "No such file"]),
         case("setting without value", vec![("log.csv", good())], "identify log.csv --set model", 2, &["--set model", "KEY=VALUE"]),
-        case("gate not passed", vec![("log.csv", good())], "identify log.csv --require fit.validate.v=100.5", 4, &["fit.validate.v", "100.5"]),
+        case(
+            "gate not passed",
+            vec![("log.csv", good())],
+            "identify log.csv --require fit.validate.v=100.5",
+            4,
+            &["fit.validate.v", "100.5"],
+        ),
         case("gate on nothing", vec![("log.csv", good())], "identify log.csv --require fit.validate.z=1", 2, &["fit.validate.z"]),
         case("unknown command", vec![], "identfy log.csv", 2, &["identfy", "identify"]),
         case("unknown option", vec![], "identify --speed 3", 2, &["--speed"]),
@@ -184,11 +296,13 @@ fn configurations() -> Vec<Case> {
 }
 
 fn too_little() -> Vec<Case> {
-    let only = |column: usize| csv_with(HEADER, 1200, move |_, c| {
-        for other in [2usize, 4].into_iter().filter(|o| *o != column) {
-            "0".clone_into(&mut c[other]);
-        }
-    });
+    let only = |column: usize| {
+        csv_with(HEADER, 1200, move |_, c| {
+            for other in [2usize, 4].into_iter().filter(|o| *o != column) {
+                "0".clone_into(&mut c[other]);
+            }
+        })
+    };
     vec![
         csv_case("never turned", only(0), 3, &["theta2", "theta6", "turn"]),
         csv_case("two seconds", csv_with(HEADER, 40, |_, _| ()), 3, &["samples"]),
@@ -211,7 +325,13 @@ fn every_kind_of_bad_input_is_named_with_its_place_and_its_cure() {
         let said = String::from_utf8_lossy(&output.stderr);
         let missing: Vec<_> = case.says.iter().filter(|part| !said.contains(**part)).collect();
         if output.status.code() != Some(case.status) || !missing.is_empty() || said.contains("panicked") {
-            let _ = writeln!(failures, "--- {}: status {:?} for {}, missing {missing:?} in:\n{said}", case.name, output.status.code(), case.status);
+            let _ = writeln!(
+                failures,
+                "--- {}: status {:?} for {}, missing {missing:?} in:\n{said}",
+                case.name,
+                output.status.code(),
+                case.status
+            );
         }
     }
     assert!(failures.is_empty(), "{failures}");

@@ -16,7 +16,8 @@ fn json(arguments: &[&str]) -> Value {
 }
 
 fn shared(path: &str) -> Option<String> {
-    let root = std::env::var_os("WHEELWRIGHT_SHARED").map_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared"), PathBuf::from);
+    let root =
+        std::env::var_os("WHEELWRIGHT_SHARED").map_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared"), PathBuf::from);
     let file = root.join(path);
     if !file.exists() {
         println!("skipped: {} is absent", file.display());

@@ -46,8 +46,17 @@ pub fn plain<T: DeserializeOwned>(table: Table) -> Result<T, ConfigError> {
     let value = Value::Table(table);
     T::deserialize(serde_path_to_error::Deserializer::new(value, &mut track)).map_err(|e: toml::de::Error| {
         let path = track.path().to_string();
-        ConfigError::new(if path == "." { String::new() } else { path }, with_suggestion(e.message()))
+        let error = nested(&with_suggestion(e.message()));
+        if path == "." { error } else { error.inside(&path) }
     })
+}
+
+/// A plugin that reads a table of its own tells serde its [`ConfigError`] as text; here it becomes one again.
+fn nested(message: &str) -> ConfigError {
+    match message.strip_prefix('`').and_then(|rest| rest.split_once("`: ")) {
+        Some((path, message)) if !path.contains(char::is_whitespace) => ConfigError::new(path, message),
+        _ => ConfigError::new("", message),
+    }
 }
 
 /// Deserializes a table with a `type` key into the plugin of that name, as `tagged::<Box<dyn RobotConfig>>(table)`.

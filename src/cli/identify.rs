@@ -8,7 +8,7 @@ use serde_json::Value;
 use super::browser;
 use super::console::Console;
 use super::setup::{ReadArguments, Setup, StudyArguments, split};
-use super::{Shared, text};
+use super::{Shared, page, text};
 use crate::documents;
 use crate::error::Error;
 use crate::model_file::ModelFile;
@@ -37,9 +37,16 @@ pub(super) fn run(arguments: &Arguments, shared: &Shared, console: &Console) -> 
 }
 
 /// Writes and prints a study's findings; gates come last, so that a failed gate still leaves the whole result.
-pub(super) fn conclude(study: &Study, findings: Findings, folder: Option<&Folder>, require: &[String], shared: &Shared, console: &Console) -> Result<(), Error> {
+pub(super) fn conclude(
+    study: &Study,
+    findings: Findings,
+    folder: Option<&Folder>,
+    require: &[String],
+    shared: &Shared,
+    console: &Console,
+) -> Result<(), Error> {
     if let Some(folder) = folder {
-        let path = folder.write("report.html", &crate::page::study_page(study, &findings))?;
+        let path = folder.write("report.html", &page::study_page(study, &findings))?;
         if shared.open {
             browser::open(&path, console);
         }

@@ -111,7 +111,7 @@ fn document(source: &Source, steps: &Steps) -> Value {
 fn text(source: &Source, steps: &Steps) -> String {
     let (recording, facts) = (&source.recording, &source.facts);
     let mut text = String::new();
-    let _ = writeln!(text, "{}: {}", facts.path.display(), facts.format);
+    let _ = writeln!(text, "{}: {}", facts.path, facts.format);
     let _ = writeln!(
         text,
         "{} rows in {} segment(s), {:.2} s at {:.4} Hz (steps {:.2} to {:.2} ms, {:.1} % uneven)",

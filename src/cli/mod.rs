@@ -4,6 +4,7 @@ mod browser;
 mod console;
 mod identify;
 mod inspect;
+mod page;
 mod plugins;
 mod run;
 mod setup;

@@ -35,7 +35,11 @@ pub(super) fn run(arguments: &Arguments, shared: &Shared, console: &Console) -> 
         (Some(robot), paths) if paths.is_empty() => vec![excite(&setup, robot, study.seed, folder.as_ref(), console)?],
         (None, paths) if !paths.is_empty() => study.open(&paths)?,
         (Some(_), _) => return Err(setup.config.error(both_or_neither("names a robot and recordings: keep one of them"))),
-        (None, _) => return Err(setup.config.error(both_or_neither("names nothing to identify from: add a [robot] to drive, or [recording] paths = [...]"))),
+        (None, _) => {
+            return Err(setup
+                .config
+                .error(both_or_neither("names nothing to identify from: add a [robot] to drive, or [recording] paths = [...]")));
+        }
     };
     let validation = study.open(&setup.validation_paths(&arguments.study))?;
     let findings = study.identify(&sources, &validation)?;

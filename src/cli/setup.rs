@@ -119,9 +119,13 @@ impl Setup {
         let default = if validates { 0.0 } else { HOLDOUT };
         let holdout = arguments.holdout.or(self.config.sections.validation.holdout).unwrap_or(default);
         if !(0.0..=0.9).contains(&holdout) {
-            return Err(Error::setting("validation.holdout", format!("is {holdout}; it is a share of the samples from 0 to 0.9, such as 0.3")));
+            return Err(Error::setting(
+                "validation.holdout",
+                format!("is {holdout}; it is a share of the samples from 0 to 0.9, such as 0.3"),
+            ));
         }
-        Ok(Study { model_table, model, freedom, solver, robot, read, holdout, seed: self.seed(shared) })
+        let model_about = self.registry.list("models").into_iter().find(|m| m.name == model.name()).map(|m| m.about).unwrap_or_default();
+        Ok(Study { model_table, model, model_about, freedom, solver, robot, read, holdout, seed: self.seed(shared) })
     }
 
     /// Recordings that only validate: the options', or else the configuration's.
@@ -148,7 +152,8 @@ impl Setup {
 
     /// The excitation of the configuration.
     pub(super) fn excitation(&self) -> Result<Box<dyn Excitation>, Error> {
-        let missing = || Error::setting("excitation", "is missing: [excitation] says what the robot is to drive, as in type = \"thesis-pioneer\"");
+        let missing =
+            || Error::setting("excitation", "is missing: [excitation] says what the robot is to drive, as in type = \"thesis-pioneer\"");
         let table = self.config.sections.excitation.clone().ok_or_else(missing)?;
         self.registry.excitation(table).map_err(|e| self.config.error_in("excitation", e))
     }

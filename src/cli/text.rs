@@ -14,11 +14,7 @@ pub(super) fn identification(findings: &Findings, found: &Identification) -> Str
         let _ = writeln!(
             text,
             "{}: {} samples, {:.1} s at {:.4} Hz in {} segment(s)",
-            facts.path.display(),
-            facts.samples,
-            facts.duration_s,
-            facts.rate_hz,
-            facts.segments
+            facts.path, facts.samples, facts.duration_s, facts.rate_hz, facts.segments
         );
     }
     let _ = writeln!(text, "model {}, solver {}\n", found.model, found.solver);

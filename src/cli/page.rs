@@ -1,0 +1,40 @@
+//! The report page of a study.
+
+use crate::report::{self, Outcome, ReportInput};
+use crate::study::{Findings, Study};
+
+/// The page, also when there is no identification to show.
+pub(super) fn study_page(study: &Study, findings: &Findings) -> String {
+    let failure = findings.identification.as_ref().err().map(ToString::to_string);
+    let outcome = match &findings.identification {
+        Ok(found) => Outcome::Identified(found),
+        Err(_) => Outcome::Failed { error: failure.as_deref().unwrap_or_default(), data: &findings.train },
+    };
+    let recordings: Vec<_> = findings.recordings.iter().chain(&findings.validation_recordings).cloned().collect();
+    let title = recordings.iter().map(|r| file_name(&r.path)).collect::<Vec<_>>().join(", ");
+    let subtitle = format!("{} identified by {}", study.model.name(), study.solver.name());
+    let facts = [("held out".to_owned(), format!("{} of the samples", study.holdout)), ("seed".to_owned(), study.seed.to_string())];
+    report::html(&ReportInput {
+        title: &title,
+        subtitle: &subtitle,
+        command: &command_line(),
+        version: env!("CARGO_PKG_VERSION"),
+        model: &*study.model,
+        model_about: &study.model_about,
+        outcome,
+        recordings: &recordings,
+        steps: &[],
+        warnings: &[],
+        facts: &facts,
+    })
+}
+
+fn file_name(path: &str) -> String {
+    std::path::Path::new(path).file_name().map_or_else(|| path.to_owned(), |name| name.to_string_lossy().into_owned())
+}
+
+/// The command that makes the page again, as the user typed it.
+fn command_line() -> String {
+    let quoted = |a: String| if a.contains(char::is_whitespace) { format!("'{a}'") } else { a };
+    std::iter::once("wheelwright".to_owned()).chain(std::env::args().skip(1).map(quoted)).collect::<Vec<_>>().join(" ")
+}
