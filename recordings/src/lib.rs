@@ -17,6 +17,7 @@ mod csv;
 mod detect;
 mod json;
 mod number;
+mod parquet;
 mod wpilog;
 
 use std::path::Path;
@@ -27,7 +28,7 @@ pub use csv::write_csv;
 
 /// Every built-in reader, in the order in which they are asked whether they know a file.
 pub fn readers() -> Vec<Box<dyn RecordingReader>> {
-    vec![Box::new(wpilog::WpiLog), Box::new(json::Json), Box::new(csv::Csv)]
+    vec![Box::new(parquet::Parquet), Box::new(wpilog::WpiLog), Box::new(json::Json), Box::new(csv::Csv)]
 }
 
 /// Reads the recording at `path`, a file or a bag folder, with the first of [`readers`] that knows its content.
