@@ -156,7 +156,7 @@ fn rms(norm: f64, rows: usize) -> f64 {
     norm / (rows.max(1) as f64).sqrt()
 }
 
-/// Solves A z ≈ b by singular values with columns scaled to unit length.
+/// Solves A z ≈ b by QR with columns scaled to unit length; the singular values only say how well that went.
 fn least_squares(system: System, model: &dyn RegressorModel, map: &ParameterMap) -> Result<LeastSquares, SolveError> {
     let n = map.free.len();
     if n == 0 {
@@ -169,8 +169,10 @@ fn least_squares(system: System, model: &dyn RegressorModel, map: &ParameterMap)
     }
     let mut scaled = system.a.clone();
     scaled.column_iter_mut().zip(&norms).for_each(|(mut c, norm)| c /= *norm);
-    let svd = SVD::new(scaled, true, true);
-    let (Some(u), Some(vt)) = (&svd.u, &svd.v_t) else { return Err(no_svd()) };
+    let qr = scaled.qr();
+    let triangle = qr.r();
+    let svd = SVD::new(triangle.clone(), false, true);
+    let Some(vt) = &svd.v_t else { return Err(no_svd()) };
     let (low, high) = (svd.singular_values.imin(), svd.singular_values.max());
     let least = svd.singular_values[low];
     // Written so that a NaN is refused too.
@@ -180,13 +182,15 @@ fn least_squares(system: System, model: &dyn RegressorModel, map: &ParameterMap)
         let part: Vec<usize> = (0..n).filter(|&j| direction[j] >= PART * largest).collect();
         return Err(not_identifiable(model, map, &part));
     }
-    let weighted = (u.transpose() * &system.b).component_div(&svd.singular_values);
-    let free = (vt.transpose() * weighted).iter().zip(&norms).map(|(z, norm)| z / norm).collect();
+    let mut right = system.b.clone();
+    qr.q_tr_mul(&mut right);
+    let solved = triangle.solve_upper_triangular(&right.rows(0, n)).ok_or_else(no_svd)?;
+    let free = solved.iter().zip(&norms).map(|(z, norm)| z / norm).collect();
     Ok(LeastSquares { free, condition: high / least, system })
 }
 
 fn no_svd() -> SolveError {
-    SolveError::Failed { reason: "the singular values of the regression did not converge".to_owned() }
+    SolveError::Failed { reason: "the regression has no singular value decomposition".to_owned() }
 }
 
 /// The error that names free parameters and the motion each of them needs.
