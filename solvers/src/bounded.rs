@@ -3,23 +3,21 @@
 //! minimise Σ ‖F Φ θ_app(θ) − F y‖² subject to lower ≤ θ ≤ upper.
 //!
 //! Bounds are physical and so act on θ, not on the apparent values that held inputs turn it into; as the two differ by
-//! a smooth and nearly linear law (see [`Hold`]), a few quadratic programmes, each linearised about the last θ, reach the
+//! a smooth and nearly linear law (see [`Hold`](crate::Hold)), a few quadratic programmes, each linearised about the last θ, reach the
 //! optimum. Without the law it is one.
 
 use std::collections::BTreeMap;
 
 use nalgebra::DMatrix;
 use serde::{Deserialize, Serialize};
+use wheelwright_core::model::ParameterMap;
 use wheelwright_core::regression::Settings;
 use wheelwright_core::solver::{Problem, Solution, SolveError, Solver, Status};
 
-use crate::hold::Hold;
-use crate::ols::{Ols, hold_kept, hold_undone};
+use crate::ols::{Ols, say};
 use crate::quadratic::Quadratic;
 use crate::regression::{SolverRegression, System};
 
-/// Quadratic programmes before the linearisation is given up.
-const PROGRAMMES: usize = 30;
 /// Distance to a bound, relative, at which a parameter is reported to sit there.
 const AT: f64 = 1e-9;
 
@@ -56,23 +54,16 @@ impl Solver for BoundedSolver {
         let limits = Limits::new(problem, &bounds)?;
         let regression = SolverRegression::new(problem, &self.conditioning)?;
         let solved = regression.solve(problem.model, &problem.map)?;
-        let period = regression.preparation.period;
         let ols = Ols { conditioning: self.conditioning.clone(), undo_hold: self.undo_hold };
-        let hold = ols.hold(problem, period);
-        let apparent = limits.solve(&solved.system)?;
-        let undone = match &hold {
-            Some(hold) => limits.solve_through(hold, &solved.system, &apparent)?,
-            None => None,
-        };
+        let hold = ols.hold(problem, &regression);
+        let within = |map: &ParameterMap| limits.solve(&regression.system(map, &solved.weights));
+        let apparent = within(&problem.map)?;
+        let undone = hold.as_ref().and_then(|h| h.undo(&problem.map, &apparent, within));
         let mut theta = problem.map.theta(undone.as_ref().unwrap_or(&apparent));
         // Rounding may leave a value one unit beyond its bound.
         let at_bound = (0..theta.len()).filter(|&i| limits.snap(i, &mut theta[i])).collect::<Vec<_>>();
         let mut solution = regression.into_solution(theta, solved.condition);
-        match (&hold, &undone) {
-            (Some(hold), Some(_)) => solution.steps.push(hold_undone(hold, problem, period)),
-            (Some(hold), None) => solution.warnings.push(hold_kept(hold, problem, period)),
-            (None, _) => {}
-        }
+        say(&mut solution, hold.as_ref(), undone.is_some());
         solution.warnings.extend(limits.warnings);
         solution.status = if at_bound.is_empty() { Status::Solved } else { Status::SolvedAtBound };
         solution.at_bound = at_bound;
@@ -123,8 +114,8 @@ impl Limits {
                 if c < lower || c > upper {
                     let name = &parameters[i].name;
                     limits.warnings.push(format!("{name} is fixed at {c}, outside its bounds [{lower}, {upper}]"));
-                    limits.theta[i] = (c, c);
                 }
+                limits.theta[i] = (f64::NEG_INFINITY, f64::INFINITY);
                 continue;
             };
             // In units of the first coefficient, so that parallel rows are seen to be.
@@ -156,32 +147,13 @@ impl Limits {
         Quadratic { a: system.a.clone(), b: system.b.clone(), c, bounds }.solve()
     }
 
-    /// Minimises over z whose apparent value enters the regression; `None` where the law cannot be followed.
-    fn solve_through(&self, hold: &Hold, system: &System, start: &[f64]) -> Result<Option<Vec<f64>>, SolveError> {
-        let mut free = start.to_vec();
-        let all: Vec<usize> = (0..self.free).collect();
-        for _ in 0..PROGRAMMES {
-            let (Some(seen), Some(slope)) = (hold.apparent(&free), hold.slope(&free, &all)) else { return Ok(None) };
-            // A (seen + J (z − free)) ≈ b.
-            let constant = DMatrix::from_column_slice(self.free, 1, &seen) - &slope * DMatrix::from_column_slice(self.free, 1, &free);
-            let linear = System { a: &system.a * slope, b: &system.b - (&system.a * constant).column(0) };
-            let next = self.solve(&linear)?;
-            let moved = next.iter().zip(&free).map(|(a, b)| (a - b).abs() / (1e-3 + a.abs())).fold(0.0, f64::max);
-            free = next;
-            if moved <= 1e-11 {
-                return Ok(Some(free));
-            }
-        }
-        Ok(None)
-    }
-
     /// True if a parameter sits at one of its bounds, to which it is then set.
     fn snap(&self, i: usize, value: &mut f64) -> bool {
         let (lower, upper) = self.theta[i];
         for bound in [lower, upper] {
-            if (*value - bound).abs() <= AT * bound.abs().max(1e-3) {
+            if bound.is_finite() && (*value - bound).abs() <= AT * bound.abs().max(1e-3) {
                 *value = bound;
-                return lower < upper || self.free > 0;
+                return true;
             }
         }
         false

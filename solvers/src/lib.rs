@@ -19,6 +19,7 @@ mod hold;
 mod ols;
 mod quadratic;
 mod regression;
+mod steady_state;
 mod thesis;
 pub mod triangle;
 
@@ -27,4 +28,5 @@ pub use hold::Hold;
 pub use ols::Ols;
 pub use quadratic::Quadratic;
 pub use regression::{LeastSquares, SolverRegression, System};
+pub use steady_state::SteadyState;
 pub use thesis::Thesis;

@@ -1,9 +1,11 @@
 //! `ols`: least squares on rows that are all filtered alike, then the zero-order hold undone.
 //!
-//! minimise Σ ‖F Φ θ_app − F y‖² with F one zero-phase low-pass filter for every column and the response, then solve
-//! M_app(θ) = M(θ_app) for θ (see [`Hold`]).
+//! minimise Σ ‖F Φ θ_app(θ) − F y‖²
+//!
+//! with F one zero-phase low-pass filter for every column and the response, and θ_app the law of [`Hold`].
 
 use serde::{Deserialize, Serialize};
+use wheelwright_core::model::ParameterMap;
 use wheelwright_core::regression::Settings;
 use wheelwright_core::solver::{Problem, Solution, SolveError, Solver};
 
@@ -39,35 +41,28 @@ impl Solver for Ols {
     fn solve(&self, problem: &Problem<'_>) -> Result<Solution, SolveError> {
         let regression = SolverRegression::new(problem, &self.conditioning)?;
         let solved = regression.solve(problem.model, &problem.map)?;
-        let hold = self.hold(problem, regression.preparation.period);
-        let period = regression.preparation.period;
-        let undone = hold.as_ref().and_then(|h| h.invert(&solved.free));
+        let hold = self.hold(problem, &regression);
+        let again = |map: &ParameterMap| regression.least_squares(map, &solved.weights);
+        let undone = hold.as_ref().and_then(|h| h.undo(&problem.map, &solved.free, again));
         let theta = problem.map.theta(undone.as_ref().unwrap_or(&solved.free));
         let mut solution = regression.into_solution(theta, solved.condition);
-        match (&hold, undone) {
-            (Some(hold), Some(_)) => solution.steps.push(hold_undone(hold, problem, period)),
-            (Some(hold), None) => solution.warnings.push(hold_kept(hold, problem, period)),
-            (None, _) => {}
-        }
+        say(&mut solution, hold.as_ref(), undone.is_some());
         Ok(solution)
     }
 }
 
 impl Ols {
     /// The law to undo, if it is to be undone and there is one.
-    pub(crate) fn hold(&self, problem: &Problem<'_>, period: f64) -> Option<Hold> {
-        if self.undo_hold { Hold::new(problem.model, &problem.map, &self.conditioning, period) } else { None }
+    pub(crate) fn hold(&self, problem: &Problem<'_>, regression: &SolverRegression) -> Option<Hold> {
+        if self.undo_hold { Hold::new(problem.model, &self.conditioning, regression.preparation.period) } else { None }
     }
 }
 
-pub(crate) fn hold_undone(hold: &Hold, problem: &Problem<'_>, period: f64) -> String {
-    format!("undid the zero-order hold of {period:.4} s in {}", hold.names(&problem.map))
-}
-
-pub(crate) fn hold_kept(hold: &Hold, problem: &Problem<'_>, period: f64) -> String {
-    format!(
-        "the zero-order hold could not be undone: a time constant in {} is below what one sample every {period:.4} s can show, so these \
-         values are upper limits; record at a higher rate",
-        hold.names(&problem.map)
-    )
+/// Adds to a solution what became of the hold.
+pub(crate) fn say(solution: &mut Solution, hold: Option<&Hold>, undone: bool) {
+    match (hold, undone) {
+        (Some(hold), true) => solution.steps.push(hold.undone()),
+        (Some(hold), false) => solution.warnings.push(hold.kept()),
+        (None, _) => {}
+    }
 }

@@ -46,8 +46,8 @@ pub struct LeastSquares {
     pub free: Vec<f64>,
     /// Ratio of the largest to the smallest singular value of A with columns scaled to unit length.
     pub condition: f64,
-    /// The weighted system it solves.
-    pub system: System,
+    /// Weight of each equation.
+    pub weights: Vec<f64>,
 }
 
 impl SolverRegression {
@@ -112,18 +112,37 @@ impl SolverRegression {
             let (parameters, what) = (map.free.len(), "conditioning".to_owned());
             return Err(SolveError::TooFewSamples { samples, parameters, what, needed_s: 10.0 });
         }
-        let scales: Vec<f64> = self.triangles.iter().map(|t| rms(t.matrix().column(self.parameters).norm(), t.rows())).collect();
-        let mut weights: Vec<f64> = scales.iter().map(|s| if *s > 0.0 { 1.0 / s } else { 1.0 }).collect();
-        let mut solved = least_squares(self.system(map, &weights), model, map)?;
+        let scales = self.scales();
+        let mut weights = self.unit_weights();
+        let (mut free, mut condition) = determinate(&self.system(map, &weights), model, map)?;
         for _ in 0..if self.shared(map) { 3 } else { 0 } {
-            let residuals = self.residuals(map, &solved.free);
+            let residuals = self.residuals(map, &free);
             for ((weight, residual), scale) in weights.iter_mut().zip(&residuals).zip(&scales) {
                 let spread = residual.max(FLOOR * scale);
                 *weight = if spread > 0.0 { 1.0 / spread } else { 1.0 };
             }
-            solved = least_squares(self.system(map, &weights), model, map)?;
+            (free, condition) = determinate(&self.system(map, &weights), model, map)?;
         }
-        Ok(solved)
+        Ok(LeastSquares { free, condition, weights })
+    }
+
+    /// Solves with weights as they are, for a system known to be determined.
+    ///
+    /// # Errors
+    /// [`SolveError::Failed`] if it is not.
+    pub(crate) fn least_squares(&self, map: &ParameterMap, weights: &[f64]) -> Result<Vec<f64>, SolveError> {
+        let (triangle, right, norms) = self.system(map, weights).triangle();
+        back_substitute(&triangle, &right, &norms)
+    }
+
+    /// Weights that bring every equation's response to unit size.
+    pub(crate) fn unit_weights(&self) -> Vec<f64> {
+        self.scales().iter().map(|s| if *s > 0.0 { 1.0 / s } else { 1.0 }).collect()
+    }
+
+    /// Root mean square response of each equation.
+    fn scales(&self) -> Vec<f64> {
+        self.triangles.iter().map(|t| rms(t.matrix().column(self.parameters).norm(), t.rows())).collect()
     }
 
     /// Root mean square residual of each equation.
@@ -156,46 +175,79 @@ fn rms(norm: f64, rows: usize) -> f64 {
     norm / (rows.max(1) as f64).sqrt()
 }
 
-/// Solves A z ≈ b by QR with columns scaled to unit length; the singular values only say how well that went.
-fn least_squares(system: System, model: &dyn RegressorModel, map: &ParameterMap) -> Result<LeastSquares, SolveError> {
-    let n = map.free.len();
-    if n == 0 {
-        return Ok(LeastSquares { free: Vec::new(), condition: 1.0, system });
+/// Solves A z ≈ b by QR with columns scaled to unit length and tells the condition number; the singular values only say
+/// how well that went.
+fn determinate(system: &System, model: &dyn RegressorModel, map: &ParameterMap) -> Result<(Vec<f64>, f64), SolveError> {
+    let (triangle, right, norms) = system.triangle();
+    match determined(&triangle, &norms, RANK)? {
+        Ok(condition) => Ok((back_substitute(&triangle, &right, &norms)?, condition)),
+        Err(undetermined) => Err(not_identifiable(model, map, &undetermined)),
     }
-    let norms: Vec<f64> = system.a.column_iter().map(|c| c.norm()).collect();
-    let silent: Vec<usize> = (0..n).filter(|&j| norms[j] == 0.0).collect();
-    if !silent.is_empty() {
-        return Err(not_identifiable(model, map, &silent));
-    }
-    let mut scaled = system.a.clone();
-    scaled.column_iter_mut().zip(&norms).for_each(|(mut c, norm)| c /= *norm);
-    let qr = scaled.qr();
-    let triangle = qr.r();
-    let svd = SVD::new(triangle.clone(), false, true);
-    let Some(vt) = &svd.v_t else { return Err(no_svd()) };
-    let (low, high) = (svd.singular_values.imin(), svd.singular_values.max());
-    let least = svd.singular_values[low];
-    // Written so that a NaN is refused too.
-    if !(least > RANK * high) {
-        let direction: Vec<f64> = vt.row(low).iter().map(|x| x.abs()).collect();
-        let largest = direction.iter().copied().fold(0.0, f64::max);
-        let part: Vec<usize> = (0..n).filter(|&j| direction[j] >= PART * largest).collect();
-        return Err(not_identifiable(model, map, &part));
-    }
-    let mut right = system.b.clone();
-    qr.q_tr_mul(&mut right);
-    let solved = triangle.solve_upper_triangular(&right.rows(0, n)).ok_or_else(no_svd)?;
-    let free = solved.iter().zip(&norms).map(|(z, norm)| z / norm).collect();
-    Ok(LeastSquares { free, condition: high / least, system })
 }
 
-fn no_svd() -> SolveError {
-    SolveError::Failed { reason: "the regression has no singular value decomposition".to_owned() }
+/// Unknowns of a triangle with scaled columns.
+fn back_substitute(triangle: &DMatrix<f64>, right: &DVector<f64>, norms: &[f64]) -> Result<Vec<f64>, SolveError> {
+    if norms.is_empty() {
+        return Ok(Vec::new());
+    }
+    let singular = || SolveError::Failed { reason: "the regression is singular".to_owned() };
+    let solved = triangle.solve_upper_triangular(right).ok_or_else(singular)?;
+    Ok(solved.iter().zip(norms).map(|(z, norm)| z / norm).collect())
+}
+
+impl System {
+    /// R of A with columns scaled to unit length, Qᵀ b, and the lengths.
+    fn triangle(&self) -> (DMatrix<f64>, DVector<f64>, Vec<f64>) {
+        if self.a.ncols() == 0 {
+            return (DMatrix::zeros(0, 0), DVector::zeros(0), Vec::new());
+        }
+        let norms: Vec<f64> = self.a.column_iter().map(|c| c.norm()).collect();
+        let mut scaled = self.a.clone();
+        scaled.column_iter_mut().zip(&norms).filter(|(_, norm)| **norm > 0.0).for_each(|(mut c, norm)| c /= *norm);
+        let (qr, mut right) = (scaled.qr(), self.b.clone());
+        qr.q_tr_mul(&mut right);
+        (qr.r(), right.rows(0, norms.len()).into_owned(), norms)
+    }
+
+    /// The free parameters that this system leaves open, as seen with a tolerance: `Ok` with the condition number if
+    /// there are none.
+    pub(crate) fn undetermined(&self, rank: f64) -> Result<Result<f64, Vec<usize>>, SolveError> {
+        let (triangle, _, norms) = self.triangle();
+        determined(&triangle, &norms, rank)
+    }
+}
+
+/// The condition number, or the unknowns that take part in a direction below `rank` of the largest singular value, the
+/// most involved first.
+fn determined(triangle: &DMatrix<f64>, norms: &[f64], rank: f64) -> Result<Result<f64, Vec<usize>>, SolveError> {
+    let n = norms.len();
+    if n == 0 {
+        return Ok(Ok(1.0));
+    }
+    let silent: Vec<usize> = (0..n).filter(|&j| norms[j] == 0.0).collect();
+    if !silent.is_empty() {
+        return Ok(Err(silent));
+    }
+    let svd = SVD::new(triangle.clone(), false, true);
+    let none = || SolveError::Failed { reason: "the regression has no singular value decomposition".to_owned() };
+    let vt = svd.v_t.as_ref().ok_or_else(none)?;
+    let (low, high) = (svd.singular_values.imin(), svd.singular_values.max());
+    let least = svd.singular_values[low];
+    if least > rank * high {
+        return Ok(Ok(high / least));
+    }
+    let direction: Vec<f64> = vt.row(low).iter().map(|x| x.abs()).collect();
+    let largest = direction.iter().copied().fold(0.0, f64::max);
+    let mut part: Vec<usize> = (0..n).filter(|&j| direction[j] >= PART * largest).collect();
+    part.sort_by(|&i, &j| direction[j].total_cmp(&direction[i]));
+    Ok(Err(part))
 }
 
 /// The error that names free parameters and the motion each of them needs.
 pub(crate) fn not_identifiable(model: &dyn RegressorModel, map: &ParameterMap, free: &[usize]) -> SolveError {
-    let parameters = free.iter().map(|&j| map.free[j].clone()).collect();
+    let mut named = free.to_vec();
+    named.sort_unstable();
+    let parameters = named.iter().map(|&j| map.free[j].clone()).collect();
     let mut missing: Vec<&str> = Vec::new();
     for (i, parameter) in model.parameters().iter().enumerate() {
         let moves = free.iter().any(|&j| map.matrix[i * map.free.len() + j] != 0.0);
