@@ -16,7 +16,9 @@
 
 mod bounded;
 mod hold;
+mod least_squares;
 mod ols;
+mod output_error;
 mod quadratic;
 mod regression;
 mod steady_state;
@@ -26,6 +28,7 @@ pub mod triangle;
 pub use bounded::BoundedSolver;
 pub use hold::Hold;
 pub use ols::Ols;
+pub use output_error::{OutputError, Velocity};
 pub use quadratic::Quadratic;
 pub use regression::{LeastSquares, SolverRegression, System};
 pub use steady_state::SteadyState;

@@ -1,0 +1,182 @@
+//! The free-run simulation error as a least-squares problem.
+//!
+//! Unknown are the free parameters z and, as nuisance, the outputs at the start of every stretch. The latter act on
+//! their own stretch only: each stretch is triangularised by itself with its start in front, which eliminates it, and
+//! only the small triangles are stacked. A hundred stretches cost no more than one as long.
+
+use nalgebra::{DMatrix, DVector};
+use wheelwright_core::model::ModelError;
+use wheelwright_core::simulation::{DIFFERENCE, Direction, Readout, Simulator};
+use wheelwright_core::solver::{Problem, SolveError};
+
+use super::noise::{Channels, Noise};
+use crate::least_squares::{Residuals, Triangle};
+
+pub(super) struct FreeRun<'a> {
+    problem: &'a Problem<'a>,
+    simulator: Simulator<'a>,
+    transform: &'a DMatrix<f64>,
+    /// Plausible size of each free parameter, for the difference steps.
+    scale: Vec<f64>,
+    /// First row of a stretch that is compared.
+    first: usize,
+    pub(super) noise: Noise,
+    z: DVector<f64>,
+    starts: Vec<DVector<f64>>,
+    trial: (DVector<f64>, Vec<DVector<f64>>),
+    eliminated: Vec<Triangle>,
+}
+
+impl<'a> FreeRun<'a> {
+    pub(super) fn new(
+        problem: &'a Problem<'a>,
+        transform: &'a DMatrix<f64>,
+        scale: Vec<f64>,
+        noise: Noise,
+        readout: Readout,
+        z: DVector<f64>,
+    ) -> Result<Self, SolveError> {
+        let starts: Vec<DVector<f64>> = problem
+            .data
+            .stretches
+            .iter()
+            .map(|s| DVector::from_iterator(s.outputs.len(), s.outputs.iter().map(|c| c[0])))
+            .collect();
+        let simulator = Simulator::new(problem.model, &problem.map.theta(z.as_slice()))?.with_readout(readout);
+        let first = usize::from(readout == Readout::IntervalMean);
+        let trial = (z.clone(), starts.clone());
+        let mut run = Self { problem, simulator, transform, scale, first, noise, z, starts, trial, eliminated: Vec::new() };
+        run.choose_step()?;
+        Ok(run)
+    }
+
+    /// Fixes the step for the current parameters, so that the cost is smooth; true if it had to become shorter.
+    pub(super) fn choose_step(&mut self) -> Result<bool, SolveError> {
+        self.simulator.set_theta(&self.problem.map.theta(self.z.as_slice()))?;
+        let mut shortest = f64::INFINITY;
+        for stretch in &self.problem.data.stretches {
+            shortest = shortest.min(self.simulator.chosen_step(stretch)?);
+        }
+        let shorter = self.simulator.max_step().is_none_or(|step| shortest < step);
+        if shorter {
+            self.simulator.set_max_step(shortest);
+        }
+        Ok(shorter)
+    }
+
+    pub(super) fn z(&self) -> &DVector<f64> {
+        &self.z
+    }
+
+    /// Starts afresh from other parameters.
+    pub(super) fn restart(&mut self, z: DVector<f64>) {
+        self.z = z;
+        for (start, stretch) in self.starts.iter_mut().zip(&self.problem.data.stretches) {
+            start.iter_mut().zip(&stretch.outputs).for_each(|(x, c)| *x = c[0]);
+        }
+    }
+
+    /// Simulated minus measured, of every stretch.
+    pub(super) fn errors(&mut self) -> Result<Vec<Channels>, ModelError> {
+        self.simulator.set_theta(&self.problem.map.theta(self.z.as_slice()))?;
+        (0..self.starts.len()).map(|s| stretch_errors(self.problem, &mut self.simulator, s, &self.starts[s], self.first)).collect()
+    }
+
+    /// Number of compared values.
+    pub(super) fn values(&self) -> usize {
+        self.problem.data.stretches.iter().map(|s| (s.len() - self.first) * s.outputs.len()).sum()
+    }
+
+    fn directions(&self) -> Vec<Direction> {
+        let step = |j: usize| {
+            // Between the parameter's own size, which bounds the curvature, and its plausible one, which bounds rounding.
+            let own = self.z[j].abs();
+            DIFFERENCE * if self.scale[j].is_finite() { (own.max(1e-4 * self.scale[j]) * self.scale[j]).sqrt() } else { own.max(1.0) }
+        };
+        (0..self.z.len()).map(|j| Direction { along: self.transform.column(j).iter().copied().collect(), step: step(j) }).collect()
+    }
+
+    /// Whitened columns: start, parameters, error.
+    fn columns(&mut self, s: usize, directions: &[Direction]) -> Result<DMatrix<f64>, ModelError> {
+        let stretch = &self.problem.data.stretches[s];
+        let error = stretch_errors(self.problem, &mut self.simulator, s, &self.starts[s], self.first)?;
+        let found = self.simulator.sensitivities(stretch, self.starts[s].as_slice(), directions)?;
+        let columns = found.initial.into_iter().chain(found.parameters).map(|mut column| {
+            column.iter_mut().for_each(|c| {
+                c.drain(..self.first);
+            });
+            column
+        });
+        let rows = stretch.len() - self.first;
+        let outputs = stretch.outputs.len();
+        let mut matrix = DMatrix::zeros(rows * outputs, outputs + directions.len() + 1);
+        for (j, mut column) in columns.chain(std::iter::once(error)).enumerate() {
+            self.noise.whiten(&mut column);
+            for (c, series) in column.iter().enumerate() {
+                matrix.view_mut((c * rows, j), (rows, 1)).column_mut(0).copy_from_slice(series);
+            }
+        }
+        Ok(matrix)
+    }
+}
+
+fn stretch_errors(
+    problem: &Problem<'_>,
+    simulator: &mut Simulator<'_>,
+    s: usize,
+    start: &DVector<f64>,
+    first: usize,
+) -> Result<Channels, ModelError> {
+    let stretch = &problem.data.stretches[s];
+    let mut run = vec![Vec::new(); stretch.outputs.len()];
+    simulator.run(stretch, start.as_slice(), &mut run)?;
+    for (simulated, measured) in run.iter_mut().zip(&stretch.outputs) {
+        simulated.iter_mut().zip(measured).for_each(|(s, m)| *s -= m);
+        simulated.drain(..first);
+    }
+    Ok(run)
+}
+
+impl Residuals for FreeRun<'_> {
+    fn linearise(&mut self) -> Result<Triangle, SolveError> {
+        let directions = self.directions();
+        self.simulator.set_theta(&self.problem.map.theta(self.z.as_slice()))?;
+        let (n, free) = (self.problem.data.outputs.len(), self.z.len());
+        self.eliminated.clear();
+        let mut stacked = DMatrix::zeros(self.starts.len() * (free + 1), free + 1);
+        for s in 0..self.starts.len() {
+            let Triangle { r, q, rest } = Triangle::of(self.columns(s, &directions)?);
+            let below = s * (free + 1);
+            stacked.view_mut((below, 0), (free, free)).copy_from(&r.view((n, n), (free, free)));
+            stacked.view_mut((below, free), (free, 1)).copy_from(&q.rows(n, free));
+            stacked[(below + free, free)] = rest;
+            self.eliminated.push(Triangle { r, q, rest });
+        }
+        Ok(Triangle::of(stacked))
+    }
+
+    fn attempt(&mut self, step: &DVector<f64>) -> f64 {
+        let n = self.problem.data.outputs.len();
+        self.trial.0 = &self.z + step;
+        for ((trial, start), Triangle { r, q, .. }) in self.trial.1.iter_mut().zip(&self.starts).zip(&self.eliminated) {
+            let right = -(q.rows(0, n) + r.view((0, n), (n, step.len())) * step);
+            let moved = r.view((0, 0), (n, n)).solve_upper_triangular(&right);
+            *trial = moved.map_or_else(|| start.clone(), |m| start + m);
+        }
+        if self.simulator.set_theta(&self.problem.map.theta(self.trial.0.as_slice())).is_err() {
+            return f64::INFINITY;
+        }
+        let mut cost = 0.0;
+        for (s, start) in self.trial.1.iter().enumerate() {
+            let Ok(mut errors) = stretch_errors(self.problem, &mut self.simulator, s, start, self.first) else { return f64::INFINITY };
+            self.noise.whiten(&mut errors);
+            cost += errors.iter().flatten().map(|e| e * e).sum::<f64>();
+        }
+        if cost.is_finite() { cost } else { f64::INFINITY }
+    }
+
+    fn accept(&mut self) {
+        std::mem::swap(&mut self.z, &mut self.trial.0);
+        std::mem::swap(&mut self.starts, &mut self.trial.1);
+    }
+}
