@@ -76,8 +76,8 @@ fn estimates(model: &dyn RegressorModel, solution: &Solution) -> Vec<Estimate> {
     let each = model.parameters().iter().enumerate().map(|(i, parameter)| Estimate {
         parameter: parameter.clone(),
         value: solution.theta[i],
-        std: solution.std.as_ref().map(|s| s[i]),
-        ci95: solution.ci95.as_ref().map(|c| c[i]),
+        std: solution.std.as_ref().map(|s| s[i]).filter(|s| s.is_finite()),
+        ci95: solution.ci95.as_ref().map(|c| c[i]).filter(|c| c.0.is_finite() && c.1.is_finite()),
         at_bound: solution.at_bound.contains(&i),
     });
     each.collect()

@@ -59,9 +59,9 @@ pub struct RegressionRows {
 pub struct Solution {
     /// θ in the model's order.
     pub theta: Vec<f64>,
-    /// Standard error of each parameter, if the solver can give an honest one.
+    /// Standard error of each parameter, if the solver can give honest ones; not a number where one is fixed or at a bound.
     pub std: Option<Vec<f64>>,
-    /// 95 % confidence interval of each parameter, if the solver can give an honest one.
+    /// 95 % confidence interval of each parameter, if the solver can give honest ones; not numbers where `std` is none.
     pub ci95: Option<Vec<(f64, f64)>>,
     /// How it ended.
     pub status: Status,

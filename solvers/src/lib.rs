@@ -9,9 +9,10 @@
 //! | `ols` | the regression with every column filtered alike, then the zero-order hold is undone | no |
 //! | `box` | the same within bounds | yes |
 //! | `steady-state` | the equations at rest over constant stretches; the rest by `ols` | no |
+//! | `output-error` | the free-run simulation error, weighted by its noise model: the reference | yes |
 //!
-//! All honour [`ParameterMap`](wheelwright_core::ParameterMap), θ = T z + c: columns Φ T, response y − Φ c. None states a
-//! standard error: residuals of a filtered regression are so strongly correlated that the textbook formula covers
+//! All honour [`ParameterMap`](wheelwright_core::ParameterMap), θ = T z + c: columns Φ T, response y − Φ c. Only
+//! `output-error` states standard errors: residuals of a filtered regression are so strongly correlated that the textbook formula covers
 //! 28-33 % instead of 95 %, and an interval that does not cover is worse than none.
 
 mod bounded;

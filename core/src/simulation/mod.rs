@@ -107,6 +107,16 @@ impl<'a> Simulator<'a> {
         self
     }
 
+    /// As [`with_max_step`](Self::with_max_step), in place.
+    pub fn set_max_step(&mut self, seconds: f64) {
+        self.fixed_step = Some(seconds);
+    }
+
+    /// The bound of the step \[s\], if it was fixed.
+    pub fn max_step(&self) -> Option<f64> {
+        self.fixed_step
+    }
+
     /// Replaces the parameters.
     ///
     /// # Errors

@@ -1,6 +1,6 @@
 //! Nonlinear least squares under linear inequalities: Levenberg-Marquardt on triangular factors.
 //!
-//! At each point a problem compresses its Jacobian J and residual r to a triangle, ‖J s + r‖² = ‖R s + q‖² + rest², so no
+//! At each point a problem compresses its Jacobian J and residual r to a factor, ‖J s + r‖² = ‖R s + q‖² + rest², so no
 //! normal equations are formed and a problem may eliminate nuisance parameters of its own first. The step minimises
 //! ‖R s + q‖² + λ‖D s‖² with Moré's scaling D, subject to G (z + s) ≥ h, solved exactly as a least-distance problem
 //! (Lawson and Hanson, Solving Least Squares Problems, 1974, chapter 23). λ falls fast after a good step and rises slowly
@@ -11,23 +11,23 @@ use wheelwright_core::solver::SolveError;
 
 /// A sum of squares to be minimised. It keeps the current point; `minimise` only tells it where to go.
 pub(crate) trait Residuals {
-    /// Jacobian and residual at the current point.
-    fn linearise(&mut self) -> Result<Triangle, SolveError>;
+    /// Jacobian and residual at the current point. After an error the last linearisation still serves attempts.
+    fn linearise(&mut self) -> Result<Factor, SolveError>;
     /// Sum of squares at current point + step; infinite where the model cannot be evaluated.
     fn attempt(&mut self, step: &DVector<f64>) -> f64;
-    /// Moves the current point to the last attempt.
+    /// Exchanges the current point with the last attempt; a second call takes the first back.
     fn accept(&mut self);
 }
 
 /// ‖J s + r‖² = ‖R s + q‖² + rest².
 #[derive(Debug, Clone)]
-pub(crate) struct Triangle {
+pub(crate) struct Factor {
     pub(crate) r: DMatrix<f64>,
     pub(crate) q: DVector<f64>,
     pub(crate) rest: f64,
 }
 
-impl Triangle {
+impl Factor {
     /// From a matrix whose last column is the residual. Fewer rows than columns are filled up with zeros.
     pub(crate) fn of(augmented: DMatrix<f64>) -> Self {
         let n = augmented.ncols() - 1;
@@ -40,6 +40,13 @@ impl Triangle {
     /// Sum of squares at the point it belongs to.
     pub(crate) fn cost(&self) -> f64 {
         self.q.norm_squared() + self.rest * self.rest
+    }
+
+    /// Standard deviation of each unknown for residuals of unit variance; infinite where the factor is singular.
+    pub(crate) fn deviations(&self) -> DVector<f64> {
+        let n = self.r.ncols();
+        let inverse = self.r.solve_upper_triangular(&DMatrix::identity(n, n));
+        DVector::from_fn(n, |i, _| inverse.as_ref().map_or(f64::INFINITY, |m| m.row(i).norm()))
     }
 
     /// Length of each column.
@@ -55,24 +62,19 @@ pub(crate) struct Limits {
     pub(crate) h: DVector<f64>,
 }
 
-impl Limits {
-    /// No inequality.
-    pub(crate) fn none(unknowns: usize) -> Self {
-        Self { g: DMatrix::zeros(0, unknowns), h: DVector::zeros(0) }
-    }
-}
-
 /// How far to go.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Options {
     pub(crate) iterations: usize,
     /// Stop when the linear model promises to lower the cost by less than this share of it.
     pub(crate) promise: f64,
+    /// The same in absolute terms, for residuals in units of their standard deviation.
+    pub(crate) absolute: f64,
 }
 
 impl Default for Options {
     fn default() -> Self {
-        Self { iterations: 100, promise: 1e-14 }
+        Self { iterations: 100, promise: 1e-14, absolute: 1e-8 }
     }
 }
 
@@ -81,7 +83,7 @@ impl Default for Options {
 pub(crate) struct Outcome {
     pub(crate) z: DVector<f64>,
     /// The problem at `z`.
-    pub(crate) triangle: Triangle,
+    pub(crate) factor: Factor,
     pub(crate) converged: bool,
     /// True if every step did what the linear model promised: the cost was convex along the way.
     pub(crate) smooth: bool,
@@ -100,15 +102,19 @@ const LEAST_DAMPING: f64 = 1e-30;
 
 /// Minimises from `z`, the current point of `problem`, which must satisfy the limits.
 pub(crate) fn minimise(problem: &mut dyn Residuals, mut z: DVector<f64>, limits: &Limits, options: Options) -> Result<Outcome, SolveError> {
-    let mut triangle = problem.linearise()?;
+    let mut factor = problem.linearise()?;
     let mut scale = DVector::zeros(z.len());
-    let (first_cost, mut last_promise) = (triangle.cost(), f64::INFINITY);
+    let (first_cost, mut last_promise) = (factor.cost(), f64::INFINITY);
     let (mut damping, mut smooth, mut converged) = (FIRST_DAMPING, true, false);
     for _ in 0..options.iterations {
-        let cost = triangle.cost();
-        scale.zip_apply(&triangle.norms(), |s: &mut f64, c| *s = s.max(c));
-        let undamped = constrained_step(&triangle, None, &z, limits)?;
-        let promised = promise(&triangle, &undamped);
+        let cost = factor.cost();
+        scale.zip_apply(&factor.norms(), |s: &mut f64, c| *s = s.max(c));
+        let undamped = constrained_step(&factor, None, &z, limits)?;
+        let promised = promise(&factor, &undamped);
+        if promised <= options.absolute {
+            converged = true;
+            break;
+        }
         if promised <= ROUNDING * cost {
             // So near, costs differ by rounding only: the linear model alone leads on, as long as it gets anywhere.
             if promised <= options.promise * cost || promised > 0.5 * last_promise {
@@ -118,18 +124,25 @@ pub(crate) fn minimise(problem: &mut dyn Residuals, mut z: DVector<f64>, limits:
             last_promise = promised;
             problem.attempt(&undamped);
             problem.accept();
+            factor = problem.linearise()?;
             z += undamped;
-            triangle = problem.linearise()?;
             continue;
         }
         let damped = scale.map(|s| damping.sqrt() * if s > 0.0 { s } else { 1.0 });
-        let step = constrained_step(&triangle, Some(&damped), &z, limits)?;
-        let gain = (cost - problem.attempt(&step)) / promise(&triangle, &step);
+        let step = constrained_step(&factor, Some(&damped), &z, limits)?;
+        let gain = (cost - problem.attempt(&step)) / promise(&factor, &step);
         let short = step.component_mul(&scale).norm() <= SHORT * z.component_mul(&scale).norm();
-        if gain > 0.0 {
+        // A point about which the model cannot be linearised is as bad as one where it cannot be evaluated.
+        let next = (gain > 0.0).then(|| {
             problem.accept();
+            problem.linearise()
+        });
+        if let Some(Err(_)) = next {
+            problem.accept();
+        }
+        if let Some(Ok(next)) = next {
             z += step;
-            triangle = problem.linearise()?;
+            factor = next;
             damping = (damping * if gain > 0.9 { 0.03 } else { 0.2 }).max(LEAST_DAMPING);
         } else {
             damping *= 2.0;
@@ -141,12 +154,12 @@ pub(crate) fn minimise(problem: &mut dyn Residuals, mut z: DVector<f64>, limits:
         smooth &= gain > 0.5;
     }
     let active = (0..limits.h.len()).filter(|&i| at_limit(limits, i, &z)).collect();
-    Ok(Outcome { z, triangle, converged, smooth, active })
+    Ok(Outcome { z, factor, converged, smooth, active })
 }
 
 /// By how much a step lowers the cost of the linear model.
-fn promise(triangle: &Triangle, step: &DVector<f64>) -> f64 {
-    triangle.q.norm_squared() - (&triangle.r * step + &triangle.q).norm_squared()
+fn promise(factor: &Factor, step: &DVector<f64>) -> f64 {
+    factor.q.norm_squared() - (&factor.r * step + &factor.q).norm_squared()
 }
 
 /// True if an inequality holds with equality, to rounding.
@@ -158,21 +171,21 @@ fn at_limit(limits: &Limits, i: usize, z: &DVector<f64>) -> bool {
 
 /// The step s that minimises ‖R s + q‖² + ‖diag(damping) s‖² subject to G (z + s) ≥ h.
 pub(crate) fn constrained_step(
-    triangle: &Triangle,
+    factor: &Factor,
     damping: Option<&DVector<f64>>,
     z: &DVector<f64>,
     limits: &Limits,
 ) -> Result<DVector<f64>, SolveError> {
     let n = z.len();
     // Directions that the data do not see at all are held where they are by a damping below rounding.
-    let floor = triangle.norms().max() * f64::EPSILON * 1e-3 + f64::MIN_POSITIVE;
+    let floor = factor.norms().max() * f64::EPSILON * 1e-3 + f64::MIN_POSITIVE;
     let mut stacked = DMatrix::zeros(2 * n, n + 1);
-    stacked.view_mut((0, 0), (n, n)).copy_from(&triangle.r);
-    stacked.view_mut((0, n), (n, 1)).copy_from(&triangle.q);
+    stacked.view_mut((0, 0), (n, n)).copy_from(&factor.r);
+    stacked.view_mut((0, n), (n, 1)).copy_from(&factor.q);
     for i in 0..n {
         stacked[(n + i, i)] = damping.map_or(0.0, |d| d[i]).max(floor);
     }
-    let Triangle { r, q, .. } = Triangle::of(stacked);
+    let Factor { r, q, .. } = Factor::of(stacked);
     let singular = || SolveError::Failed { reason: "a step of the optimizer has no solution".to_owned() };
     let free = r.solve_upper_triangular(&-&q).ok_or_else(singular)?;
     let slack = &limits.h - &limits.g * z;

@@ -10,12 +10,13 @@ use wheelwright_core::simulation::{DIFFERENCE, Direction, Readout, Simulator};
 use wheelwright_core::solver::{Problem, SolveError};
 
 use super::noise::{Channels, Noise};
-use crate::least_squares::{Residuals, Triangle};
+use super::start::Integrals;
+use crate::least_squares::{Factor, Residuals};
 
 pub(super) struct FreeRun<'a> {
     problem: &'a Problem<'a>,
     simulator: Simulator<'a>,
-    transform: &'a DMatrix<f64>,
+    transform: DMatrix<f64>,
     /// Plausible size of each free parameter, for the difference steps.
     scale: Vec<f64>,
     /// First row of a stretch that is compared.
@@ -24,27 +25,25 @@ pub(super) struct FreeRun<'a> {
     z: DVector<f64>,
     starts: Vec<DVector<f64>>,
     trial: (DVector<f64>, Vec<DVector<f64>>),
-    eliminated: Vec<Triangle>,
+    eliminated: Vec<Factor>,
 }
 
 impl<'a> FreeRun<'a> {
     pub(super) fn new(
         problem: &'a Problem<'a>,
-        transform: &'a DMatrix<f64>,
-        scale: Vec<f64>,
+        transform: &DMatrix<f64>,
+        integrals: &Integrals,
         noise: Noise,
         readout: Readout,
         z: DVector<f64>,
     ) -> Result<Self, SolveError> {
-        let starts: Vec<DVector<f64>> = problem
-            .data
-            .stretches
-            .iter()
-            .map(|s| DVector::from_iterator(s.outputs.len(), s.outputs.iter().map(|c| c[0])))
-            .collect();
+        let scale = integrals.free_scale(transform, &problem.map.theta(z.as_slice()));
+        let starts: Vec<DVector<f64>> =
+            problem.data.stretches.iter().map(|s| DVector::from_iterator(s.outputs.len(), s.outputs.iter().map(|c| c[0]))).collect();
         let simulator = Simulator::new(problem.model, &problem.map.theta(z.as_slice()))?.with_readout(readout);
         let first = usize::from(readout == Readout::IntervalMean);
         let trial = (z.clone(), starts.clone());
+        let transform = transform.clone();
         let mut run = Self { problem, simulator, transform, scale, first, noise, z, starts, trial, eliminated: Vec::new() };
         run.choose_step()?;
         Ok(run)
@@ -68,12 +67,14 @@ impl<'a> FreeRun<'a> {
         &self.z
     }
 
-    /// Starts afresh from other parameters.
-    pub(super) fn restart(&mut self, z: DVector<f64>) {
-        self.z = z;
-        for (start, stretch) in self.starts.iter_mut().zip(&self.problem.data.stretches) {
-            start.iter_mut().zip(&stretch.outputs).for_each(|(x, c)| *x = c[0]);
-        }
+    /// Cost at the current point; infinite where it cannot be simulated.
+    pub(super) fn cost(&mut self) -> f64 {
+        let Ok(errors) = self.errors() else { return f64::INFINITY };
+        let squares = errors.into_iter().map(|mut stretch| {
+            self.noise.whiten(&mut stretch);
+            stretch.iter().flatten().map(|e| e * e).sum::<f64>()
+        });
+        squares.sum()
     }
 
     /// Simulated minus measured, of every stretch.
@@ -82,16 +83,25 @@ impl<'a> FreeRun<'a> {
         (0..self.starts.len()).map(|s| stretch_errors(self.problem, &mut self.simulator, s, &self.starts[s], self.first)).collect()
     }
 
-    /// Number of compared values.
-    pub(super) fn values(&self) -> usize {
-        self.problem.data.stretches.iter().map(|s| (s.len() - self.first) * s.outputs.len()).sum()
+    /// Compared values less unknowns.
+    pub(super) fn freedom(&self) -> f64 {
+        let values: usize = self.problem.data.stretches.iter().map(|s| (s.len() - self.first) * s.outputs.len()).sum();
+        let unknowns = self.z.len() + self.starts.iter().map(DVector::len).sum::<usize>();
+        values.saturating_sub(unknowns).max(1) as f64
     }
 
     fn directions(&self) -> Vec<Direction> {
+        let theta = self.problem.map.theta(self.z.as_slice());
         let step = |j: usize| {
             // Between the parameter's own size, which bounds the curvature, and its plausible one, which bounds rounding.
-            let own = self.z[j].abs();
-            DIFFERENCE * if self.scale[j].is_finite() { (own.max(1e-4 * self.scale[j]) * self.scale[j]).sqrt() } else { own.max(1.0) }
+            let (own, scale) = (self.z[j].abs(), self.scale[j]);
+            let step = DIFFERENCE * if scale.is_finite() { (own.max(1e-4 * scale) * scale).sqrt() } else { own.max(1.0) };
+            // Never across a bound: a lag that changes its sign is another robot.
+            let column = self.transform.column(j);
+            let to_bound = theta.iter().zip(&self.problem.bounds).zip(column.iter()).flat_map(|((t, (low, high)), d)| {
+                [(t - low).abs() / d.abs(), (high - t).abs() / d.abs()].into_iter().filter(|distance| *distance > 0.0)
+            });
+            to_bound.fold(step, |step, distance| step.min(0.5 * distance))
         };
         (0..self.z.len()).map(|j| Direction { along: self.transform.column(j).iter().copied().collect(), step: step(j) }).collect()
     }
@@ -138,27 +148,28 @@ fn stretch_errors(
 }
 
 impl Residuals for FreeRun<'_> {
-    fn linearise(&mut self) -> Result<Triangle, SolveError> {
+    fn linearise(&mut self) -> Result<Factor, SolveError> {
         let directions = self.directions();
         self.simulator.set_theta(&self.problem.map.theta(self.z.as_slice()))?;
         let (n, free) = (self.problem.data.outputs.len(), self.z.len());
-        self.eliminated.clear();
+        let mut eliminated = Vec::with_capacity(self.starts.len());
         let mut stacked = DMatrix::zeros(self.starts.len() * (free + 1), free + 1);
         for s in 0..self.starts.len() {
-            let Triangle { r, q, rest } = Triangle::of(self.columns(s, &directions)?);
+            let Factor { r, q, rest } = Factor::of(self.columns(s, &directions)?);
             let below = s * (free + 1);
             stacked.view_mut((below, 0), (free, free)).copy_from(&r.view((n, n), (free, free)));
             stacked.view_mut((below, free), (free, 1)).copy_from(&q.rows(n, free));
             stacked[(below + free, free)] = rest;
-            self.eliminated.push(Triangle { r, q, rest });
+            eliminated.push(Factor { r, q, rest });
         }
-        Ok(Triangle::of(stacked))
+        self.eliminated = eliminated;
+        Ok(Factor::of(stacked))
     }
 
     fn attempt(&mut self, step: &DVector<f64>) -> f64 {
         let n = self.problem.data.outputs.len();
         self.trial.0 = &self.z + step;
-        for ((trial, start), Triangle { r, q, .. }) in self.trial.1.iter_mut().zip(&self.starts).zip(&self.eliminated) {
+        for ((trial, start), Factor { r, q, .. }) in self.trial.1.iter_mut().zip(&self.starts).zip(&self.eliminated) {
             let right = -(q.rows(0, n) + r.view((0, n), (n, step.len())) * step);
             let moved = r.view((0, 0), (n, n)).solve_upper_triangular(&right);
             *trial = moved.map_or_else(|| start.clone(), |m| start + m);

@@ -8,7 +8,7 @@ use nalgebra::{DMatrix, DVector};
 use wheelwright_core::model::Sample;
 use wheelwright_core::solver::{Problem, SolveError};
 
-use crate::least_squares::{Limits, Triangle, constrained_step};
+use crate::least_squares::{Factor, Limits, constrained_step};
 
 /// Windows \[s\] that give a start each: for quick robots with little noise, and for slow ones with much.
 const WINDOWS: [f64; 3] = [1.0, 0.3, 3.0];
@@ -21,6 +21,8 @@ pub(super) struct Integrals {
     stretches: Vec<(Vec<f64>, Vec<Vec<f64>>)>,
     /// By equation, then parameter: root mean square of Φ.
     size: Vec<Vec<f64>>,
+    /// By equation: root mean square of the response y − Φ c of the free parameters.
+    response: Vec<f64>,
 }
 
 impl Integrals {
@@ -28,6 +30,7 @@ impl Integrals {
         let (equations, parameters) = (problem.model.equations(), problem.model.parameters().len());
         let (mut phi, mut y) = (vec![0.0; equations * parameters], vec![0.0; equations]);
         let mut size = vec![vec![0.0; parameters]; equations];
+        let mut response = vec![0.0; equations];
         let mut duration = 0.0;
         let mut stretches = Vec::with_capacity(problem.data.stretches.len());
         for stretch in &problem.data.stretches {
@@ -46,6 +49,8 @@ impl Integrals {
                         size[e][p] += interval * value * value;
                     }
                     sum[e * (parameters + 1) + parameters] += interval * y[e];
+                    let known: f64 = (0..parameters).map(|p| phi[e * parameters + p] * problem.map.offset[p]).sum();
+                    response[e] += interval * (y[e] - known).powi(2);
                 }
                 duration += interval;
                 sums.push(sum);
@@ -53,11 +58,24 @@ impl Integrals {
             stretches.push((stretch.time.clone(), sums));
         }
         size.iter_mut().flatten().for_each(|s| *s = (*s / duration).sqrt());
-        Self { equations, parameters, stretches, size }
+        response.iter_mut().for_each(|r| *r = (*r / duration).sqrt());
+        Self { equations, parameters, stretches, size, response }
+    }
+
+    /// Free parameters that no recording like this can tell: those that no equation sees, and those of an equation
+    /// without response, Φ T z = 0, which every multiple of a solution solves as well.
+    pub(super) fn hidden(&self, transform: &DMatrix<f64>) -> Vec<usize> {
+        let (smallest, largest) = (f64::EPSILON, self.response.iter().copied().fold(0.0, f64::max));
+        let answered = |e: usize| self.response[e] > smallest * largest;
+        let seen = |p: usize| {
+            let in_equations: Vec<usize> = (0..self.equations).filter(|&e| self.size[e][p] > 0.0).collect();
+            in_equations.iter().any(|&e| answered(e))
+        };
+        (0..transform.ncols()).filter(|&j| !(0..self.parameters).any(|p| transform[(p, j)] != 0.0 && seen(p))).collect()
     }
 
     /// Regression over windows of a length \[s\], half overlapping; θ = T z + c.
-    fn triangle(&self, transform: &DMatrix<f64>, offset: &DVector<f64>, window: f64) -> Triangle {
+    fn factor(&self, transform: &DMatrix<f64>, offset: &DVector<f64>, window: f64) -> Factor {
         let free = transform.ncols();
         let mut rows: Vec<f64> = Vec::new();
         for (time, sums) in &self.stretches {
@@ -75,20 +93,27 @@ impl Integrals {
                 }
             }
         }
-        Triangle::of(DMatrix::from_row_slice(rows.len() / (free + 1), free + 1, &rows))
+        Factor::of(DMatrix::from_row_slice(rows.len() / (free + 1), free + 1, &rows))
     }
 
     /// One start a window, within the limits.
     pub(super) fn starts(&self, transform: &DMatrix<f64>, offset: &DVector<f64>, limits: &Limits) -> Result<Vec<DVector<f64>>, SolveError> {
         let origin = DVector::zeros(transform.ncols());
-        WINDOWS.iter().map(|w| constrained_step(&self.triangle(transform, offset, *w), None, &origin, limits)).collect()
+        WINDOWS.iter().map(|w| constrained_step(&self.factor(transform, offset, *w), None, &origin, limits)).collect()
     }
 
     /// How large each parameter is when its term alone is as large as its whole equation at `theta`; infinite for one
     /// that no equation sees.
-    pub(super) fn scale(&self, theta: &[f64]) -> Vec<f64> {
+    fn scale(&self, theta: &[f64]) -> Vec<f64> {
         let whole: Vec<f64> = self.size.iter().map(|row| row.iter().zip(theta).map(|(s, t)| (s * t).powi(2)).sum::<f64>().sqrt()).collect();
         let of = |p: usize| self.size.iter().zip(&whole).map(|(row, w)| w / row[p]).filter(|s| s.is_finite()).fold(f64::INFINITY, f64::min);
         (0..self.parameters).map(of).collect()
+    }
+
+    /// The same for each free parameter z, with θ = T z + c.
+    pub(super) fn free_scale(&self, transform: &DMatrix<f64>, theta: &[f64]) -> Vec<f64> {
+        let scale = self.scale(theta);
+        let of = |j: usize| scale.iter().zip(transform.column(j).iter()).map(|(s, t)| s / t.abs()).fold(f64::INFINITY, f64::min);
+        (0..transform.ncols()).map(of).collect()
     }
 }

@@ -1,0 +1,287 @@
+//! `output-error`: the parameters whose free-run simulation comes nearest to the recording.
+//!
+//! minimise Σ ‖W (ŷ(θ, x0) − y)‖² over θ and the outputs x0 at the start of each stretch, where ŷ is simulated from
+//! held inputs and never corrected, and W whitens the error: alternately the fit with the noise model known and the
+//! noise model with the fit known, until neither moves, which is maximum likelihood for Gaussian noise. Noise in the
+//! measurement biases nothing, and neither does the sampling, because the hold is simulated as it is.
+
+mod free_run;
+mod intervals;
+mod noise;
+mod start;
+
+use nalgebra::{DMatrix, DVector};
+use serde::{Deserialize, Serialize};
+use wheelwright_core::simulation::Readout;
+use wheelwright_core::solver::{Problem, Solution, SolveError, Solver, Status};
+
+use crate::Ols;
+use crate::least_squares::{Limits, Options, Outcome, minimise};
+use free_run::FreeRun;
+use intervals::{Intervals, not_identifiable};
+use noise::Noise;
+use start::Integrals;
+
+/// Simulation error below this share of an output's largest value is numerical error, not noise.
+const NUMERICAL: f64 = 1e-8;
+/// Most alternations between fit and noise model.
+const ROUNDS: usize = 10;
+/// A fit that moves by less than this share of every standard error has settled.
+const SETTLED: f64 = 0.05;
+
+/// What the recorded velocities are.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Velocity {
+    /// The value at the time of the sample, as from a gyroscope or a fast filter.
+    #[default]
+    Instantaneous,
+    /// The mean since the sample before, as from a driver that differences encoder counts.
+    Difference,
+}
+
+/// Settings of the `output-error` solver.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct OutputError {
+    /// What the recorded velocities are: `"instantaneous"` (default) or `"difference"`. Mistaking one for the other
+    /// shifts every time constant by half a sample.
+    pub velocity: Velocity,
+    /// Whether the noise model is autoregressive (default) or white. White noise is for comparison: its intervals are
+    /// far too short on most recordings.
+    pub coloured: bool,
+    /// Most iterations of each fit. Default 100.
+    pub max_iterations: usize,
+}
+
+impl Default for OutputError {
+    fn default() -> Self {
+        Self { velocity: Velocity::default(), coloured: true, max_iterations: 100 }
+    }
+}
+
+#[typetag::serde(name = "output-error")]
+impl Solver for OutputError {
+    fn name(&self) -> &str {
+        "output-error"
+    }
+
+    fn about(&self) -> String {
+        "nonlinear least squares on the free-run simulation error, weighted by its noise model: unbiased, with intervals that cover"
+            .to_owned()
+    }
+
+    fn solve(&self, problem: &Problem<'_>) -> Result<Solution, SolveError> {
+        Fit::new(self, problem)?.solve()
+    }
+}
+
+/// One run of the solver.
+struct Fit<'a> {
+    settings: &'a OutputError,
+    problem: &'a Problem<'a>,
+    transform: DMatrix<f64>,
+    offset: DVector<f64>,
+    limits: Limits,
+    integrals: Integrals,
+    /// Numerical error of each output.
+    floor: Vec<f64>,
+}
+
+impl<'a> Fit<'a> {
+    fn new(settings: &'a OutputError, problem: &'a Problem<'a>) -> Result<Self, SolveError> {
+        let (parameters, free) = (problem.map.offset.len(), problem.map.free.len());
+        if free == 0 {
+            let reason = "every parameter is fixed: nothing is left to estimate".to_owned();
+            return Err(SolveError::Setting { key: "parameters".to_owned(), reason });
+        }
+        let outputs = problem.data.outputs.len();
+        if problem.model.equations() != outputs {
+            return Err(SolveError::NotApplicable {
+                solver: "output-error".to_owned(),
+                model: problem.model.name().to_owned(),
+                reason: format!("it has {} equation(s) for {outputs} output(s) and cannot be simulated", problem.model.equations()),
+            });
+        }
+        let unknowns = free + outputs * problem.data.stretches.len();
+        if problem.data.samples() * outputs <= unknowns + outputs {
+            let needed_s = problem.data.period() * 10.0 * unknowns as f64;
+            let what = "one unknown start a stretch".to_owned();
+            return Err(SolveError::TooFewSamples { samples: problem.data.samples(), parameters: free, what, needed_s });
+        }
+        let transform = DMatrix::from_row_slice(parameters, free, &problem.map.matrix);
+        let offset = DVector::from_column_slice(&problem.map.offset);
+        let limits = limits(problem, &transform, &offset)?;
+        let largest = |c: usize| problem.data.stretches.iter().flat_map(|s| &s.outputs[c]).fold(0.0_f64, |m, x| m.max(x.abs()));
+        let all = (0..outputs).map(largest).fold(f64::MIN_POSITIVE, f64::max);
+        let floor = (0..outputs).map(|c| NUMERICAL * largest(c).max(1e-6 * all)).collect();
+        Ok(Self { settings, problem, transform, offset, limits, integrals: Integrals::new(problem), floor })
+    }
+
+    fn solve(&self) -> Result<Solution, SolveError> {
+        let (mut run, outcome) = self.first_fit()?;
+        let (outcome, rounds) = self.settle(&mut run, outcome)?;
+        let theta = self.problem.map.theta(outcome.z.as_slice());
+        let scale = self.integrals.free_scale(&self.transform, &theta);
+        let intervals = Intervals::new(&self.transform, &self.limits, &outcome, run.freedom());
+        let condition = intervals.identifiability(self.problem, &scale)?;
+        let at_bound = self.at_bound(&theta);
+        let status = match (outcome.converged && rounds < ROUNDS, at_bound.is_empty()) {
+            (false, _) => Status::IterationLimit,
+            (true, true) => Status::Solved,
+            (true, false) => Status::SolvedAtBound,
+        };
+        Ok(Solution {
+            ci95: Some(intervals.ci95(&theta)),
+            std: Some(intervals.std()),
+            status,
+            condition,
+            steps: self.steps(&run, rounds),
+            warnings: Vec::new(),
+            regression: None,
+            theta,
+            at_bound,
+        })
+    }
+
+    /// Fits from the best of the regressions; where the cost proves not to be convex on the way, from the others too.
+    fn first_fit(&self) -> Result<(FreeRun<'a>, Outcome), SolveError> {
+        if let Some(error) = not_identifiable(self.problem, &self.transform, &self.integrals.hidden(&self.transform)) {
+            return Err(error);
+        }
+        let noise = Noise::white(&self.spread());
+        let ols = Ols::default().solve(self.problem);
+        let mut candidates = self.integrals.starts(&self.transform, &self.offset, &self.limits)?;
+        candidates.extend(ols.as_ref().ok().and_then(|solution| self.free_values(&solution.theta)));
+        let mut runs: Vec<(f64, FreeRun<'a>)> = Vec::new();
+        for z in candidates {
+            let Ok(mut run) = FreeRun::new(self.problem, &self.transform, &self.integrals, noise.clone(), self.readout(), z) else {
+                continue;
+            };
+            let cost = run.cost();
+            if cost.is_finite() {
+                runs.push((cost, run));
+            }
+        }
+        runs.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let mut best: Option<(FreeRun<'a>, Outcome)> = None;
+        let mut failure = ols.err();
+        for (_, mut run) in runs {
+            let z = run.z().clone();
+            let outcome = match minimise(&mut run, z, &self.limits, self.options()) {
+                Ok(outcome) => outcome,
+                Err(error) => {
+                    failure.get_or_insert(error);
+                    continue;
+                }
+            };
+
+            let convex = outcome.smooth && outcome.converged;
+            if best.as_ref().is_none_or(|(_, b)| outcome.factor.cost() < b.factor.cost()) {
+                best = Some((run, outcome));
+            }
+            if convex {
+                break;
+            }
+        }
+        best.ok_or_else(|| {
+            let reason = "no regression gives parameters that can be simulated over this recording".to_owned();
+            failure.unwrap_or(SolveError::Failed { reason })
+        })
+    }
+
+    /// Alternates between noise model and fit until the fit has settled; the number of rounds it took.
+    fn settle(&self, run: &mut FreeRun<'a>, mut outcome: Outcome) -> Result<(Outcome, usize), SolveError> {
+        let mut orders = (!self.settings.coloured).then(|| vec![0; self.floor.len()]);
+        for round in 1..=ROUNDS {
+            let shorter = run.choose_step()?;
+            run.noise = Noise::estimate(&run.errors()?, &self.floor, orders.as_deref());
+            let fitted = minimise(run, outcome.z.clone(), &self.limits, self.options())?;
+            let moved = &fitted.z - &outcome.z;
+
+            let settled = fitted.factor.deviations().iter().zip(moved.iter()).all(|(d, m)| m.abs() <= SETTLED * d);
+            outcome = fitted;
+            if settled && round > 1 && !shorter {
+                return Ok((outcome, round));
+            }
+            // An order that keeps changing its mind would keep the fit from settling.
+            if round == 2 {
+                orders.get_or_insert(run.noise.orders());
+            }
+        }
+        Ok((outcome, ROUNDS))
+    }
+
+    fn readout(&self) -> Readout {
+        match self.settings.velocity {
+            Velocity::Instantaneous => Readout::Instantaneous,
+            Velocity::Difference => Readout::IntervalMean,
+        }
+    }
+
+    fn options(&self) -> Options {
+        Options { iterations: self.settings.max_iterations, ..Options::default() }
+    }
+
+    /// The free values that make θ, if they exist and keep the limits.
+    fn free_values(&self, theta: &[f64]) -> Option<DVector<f64>> {
+        let wanted = DVector::from_column_slice(theta) - &self.offset;
+        let z = self.transform.clone().svd(true, true).solve(&wanted, 1e-12).ok()?;
+        let kept = (&self.limits.g * &z).iter().zip(self.limits.h.iter()).all(|(g, h)| g >= h);
+        (kept && z.iter().all(|v| v.is_finite())).then_some(z)
+    }
+
+    /// Root mean square of each output about its mean, at least its numerical error.
+    fn spread(&self) -> Vec<f64> {
+        let of = |(c, floor): (usize, &f64)| {
+            let values = || self.problem.data.stretches.iter().flat_map(|s| &s.outputs[c]);
+            let count = values().count() as f64;
+            let mean = values().sum::<f64>() / count;
+            (values().map(|v| (v - mean).powi(2)).sum::<f64>() / count).sqrt().max(*floor)
+        };
+        self.floor.iter().enumerate().map(of).collect()
+    }
+
+    fn at_bound(&self, theta: &[f64]) -> Vec<usize> {
+        let near = |value: f64, bound: f64| bound.is_finite() && (value - bound).abs() <= 1e-9 * bound.abs().max(value.abs()).max(1e-12);
+        let fixed = |i: usize| self.transform.row(i).iter().all(|t| *t == 0.0);
+        let bounds = self.problem.bounds.iter().enumerate();
+        bounds.filter(|(i, (low, high))| !fixed(*i) && (near(theta[*i], *low) || near(theta[*i], *high))).map(|(i, _)| i).collect()
+    }
+
+    fn steps(&self, run: &FreeRun<'_>, rounds: usize) -> Vec<String> {
+        let outputs = self.problem.data.outputs.iter().zip(run.noise.orders());
+        let noise: Vec<String> = outputs.map(|(channel, order)| format!("{} of order {order}", channel.name)).collect();
+        let readout = match self.settings.velocity {
+            Velocity::Instantaneous => "at the time of the sample",
+            Velocity::Difference => "as the mean since the sample before",
+        };
+        vec![
+            format!(
+                "simulated {} stretch(es) freely from inputs held between samples, outputs read {readout}, the start of each stretch estimated",
+                self.problem.data.stretches.len()
+            ),
+            format!("autoregressive noise: {}; fit and noise model settled in {rounds} round(s)", noise.join(", ")),
+        ]
+    }
+}
+
+/// Bounds of θ = T z + c as G z ≥ h.
+fn limits(problem: &Problem<'_>, transform: &DMatrix<f64>, offset: &DVector<f64>) -> Result<Limits, SolveError> {
+    let (mut rows, mut h) = (Vec::new(), Vec::new());
+    for (i, &(lower, upper)) in problem.bounds.iter().enumerate() {
+        let fixed = transform.row(i).iter().all(|t| *t == 0.0);
+        if lower > upper || (fixed && !(lower..=upper).contains(&offset[i])) {
+            let parameter = problem.model.parameters()[i].name.clone();
+            return Err(SolveError::EmptyBounds { parameter, lower, upper });
+        }
+        for (bound, sign) in [(lower, 1.0), (upper, -1.0)] {
+            if bound.is_finite() && !fixed {
+                rows.push(transform.row(i) * sign);
+                h.push(sign * (bound - offset[i]));
+            }
+        }
+    }
+    let g = if rows.is_empty() { DMatrix::zeros(0, transform.ncols()) } else { DMatrix::from_rows(&rows) };
+    Ok(Limits { g, h: DVector::from_vec(h) })
+}

@@ -1,0 +1,181 @@
+//! `output-error` on recordings of robots whose parameters are known, integrated by a method that the solver does not use.
+
+#![allow(clippy::unwrap_used, clippy::panic)]
+
+use wheelwright_core::solver::{Problem, SolveError, Solver, Status};
+use wheelwright_core::{Dataset, ModelConfig, RegressorModel, Stretch};
+use wheelwright_models::{VwPdConfig, WheelPdConfig};
+use wheelwright_solvers::{OutputError, Velocity};
+
+const PIONEER: [f64; 6] = [0.2604, 0.2509, -0.0004, 0.9965, 0.0026, 1.0768];
+const KHEPERA: [f64; 6] = [0.0228, 0.0568, -0.0001, 1.0030, 0.0732, 0.9981];
+
+fn robot() -> Box<dyn RegressorModel> {
+    VwPdConfig::default().build().unwrap()
+}
+
+/// Commands of the thesis (Laut 2011, section 4.4), held between samples.
+fn commands(robot: &[f64; 6], t: f64) -> [f64; 2] {
+    let sines = |rates: &[f64]| rates.iter().map(|r| (r * t).sin()).sum::<f64>();
+    if robot == &KHEPERA {
+        let turn = 0.5 * sines(&[1.5, 1.0]) + 0.25 * sines(&[0.5, 0.2]);
+        [0.1 + 0.05 * sines(&[2.0, 1.0, 1.0 / 3.0, 1.0 / 11.0]), 1.5 + turn]
+    } else {
+        [0.4 + 0.1 * sines(&[2.0, 1.0, 1.0 / 3.0, 1.0 / 11.0]), 0.75 + 0.25 * sines(&[1.5, 1.0, 0.5, 0.2])]
+    }
+}
+
+/// A run from rest by classical Runge-Kutta with `parts` steps a sample: instantaneous velocities, or interval means.
+fn drive(theta: &[f64; 6], time: Vec<f64>, parts: usize, means: bool) -> Stretch {
+    let rate = |x: [f64; 2], u: [f64; 2]| {
+        [(u[0] + theta[2] * x[1] * x[1] - theta[3] * x[0]) / theta[0], (u[1] - theta[4] * x[0] * x[1] - theta[5] * x[1]) / theta[1]]
+    };
+    let (mut x, mut inputs, mut outputs) = ([0.0; 2], vec![Vec::new(); 2], vec![vec![0.0]; 2]);
+    for k in 0..time.len() {
+        let u = commands(theta, time[k] - time[0]);
+        (0..2).for_each(|i| inputs[i].push(u[i]));
+        let Some(next) = time.get(k + 1) else { break };
+        let h = (next - time[k]) / parts as f64;
+        let mut travelled = [0.0; 2];
+        for _ in 0..parts {
+            let at = |d: [f64; 2], f: f64| [x[0] + f * d[0], x[1] + f * d[1]];
+            let k1 = rate(x, u);
+            let k2 = rate(at(k1, h / 2.0), u);
+            let k3 = rate(at(k2, h / 2.0), u);
+            let k4 = rate(at(k3, h), u);
+            for i in 0..2 {
+                travelled[i] += h * x[i] + h * h / 6.0 * (k1[i] + k2[i] + k3[i]);
+                x[i] += h / 6.0 * (k1[i] + 2.0 * k2[i] + 2.0 * k3[i] + k4[i]);
+            }
+        }
+        (0..2).for_each(|i| outputs[i].push(if means { travelled[i] / (next - time[k]) } else { x[i] }));
+    }
+    Stretch { label: "0".into(), time, inputs, outputs }
+}
+
+fn data(stretches: Vec<Stretch>) -> Dataset {
+    let model = robot();
+    Dataset { inputs: model.inputs().to_vec(), outputs: model.outputs().to_vec(), stretches }
+}
+
+fn stamps(period: f64, rows: usize, jitter: f64) -> Vec<f64> {
+    (0..rows).map(|k| period * (k as f64 + jitter * (1.7 * k as f64).sin())).collect()
+}
+
+/// A reproducible sequence in (−1/2, 1/2).
+fn noise(seed: u64) -> impl FnMut() -> f64 {
+    let mut state = seed;
+    move || {
+        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (state >> 11) as f64 / (1_u64 << 53) as f64 - 0.5
+    }
+}
+
+/// Section 4.2 of the notes: output error is exact without noise, whatever the sampling.
+#[test]
+fn noise_free_recordings_give_the_parameters_back() {
+    let model = robot();
+    for (theta, period, rows, parts) in [(KHEPERA, 0.02, 6000, 20), (PIONEER, 0.1, 1500, 30), (PIONEER, 0.3, 500, 90)] {
+        for (jitter, velocity) in [(0.0, Velocity::Instantaneous), (0.3, Velocity::Instantaneous), (0.3, Velocity::Difference)] {
+            let data = data(vec![drive(&theta, stamps(period, rows, jitter), parts, velocity == Velocity::Difference)]);
+            let solution = OutputError { velocity, ..OutputError::default() }.solve(&Problem::new(&*model, &data)).unwrap();
+            for (found, truth) in solution.theta.iter().zip(&theta) {
+                assert!((found - truth).abs() < 1e-6, "{period} s, {jitter}, {velocity:?}: {found} for {truth}");
+            }
+            assert_eq!(solution.status, Status::Solved, "{period} s, {jitter}, {velocity:?}");
+        }
+    }
+}
+
+#[test]
+fn a_driver_that_differences_counts_shifts_the_lags_by_half_a_sample_if_it_is_not_said() {
+    let model = robot();
+    let data = data(vec![drive(&KHEPERA, stamps(0.02, 3000, 0.0), 20, true)]);
+    let solution = OutputError::default().solve(&Problem::new(&*model, &data)).unwrap();
+    for i in [0, 1] {
+        let shift = solution.theta[i] - KHEPERA[i];
+        assert!((0.008..0.012).contains(&shift), "theta{} shifts by {shift} s", i + 1);
+    }
+}
+
+#[test]
+fn many_short_stretches_with_noise_give_parameters_within_their_intervals() {
+    let model = robot();
+    let whole = drive(&PIONEER, stamps(0.05, 3000, 0.0), 10, false);
+    let mut random = noise(7);
+    let mut data = data((0..100).map(|s| whole.slice(30 * s..30 * (s + 1))).collect());
+    data.stretches.iter_mut().flat_map(|s| s.outputs.iter_mut().flatten()).for_each(|v| *v += 0.01 * random());
+    let solution = OutputError::default().solve(&Problem::new(&*model, &data)).unwrap();
+    let (std, ci95) = (solution.std.unwrap(), solution.ci95.unwrap());
+    for i in 0..6 {
+        let error = (solution.theta[i] - PIONEER[i]).abs();
+        assert!(error < 3.5 * std[i], "theta{}: {error} with {}", i + 1, std[i]);
+        assert!((ci95[i].1 - ci95[i].0 - 2.0 * 1.96 * std[i]).abs() < 0.01 * std[i]);
+    }
+    assert!(std[0] < 0.01, "{std:?}");
+}
+
+#[test]
+fn bounds_are_kept_and_named() {
+    let model = robot();
+    let data = data(vec![drive(&PIONEER, stamps(0.05, 2000, 0.0), 10, false)]);
+    let mut problem = Problem::new(&*model, &data);
+    problem.bounds[3] = (1.01, 1.2);
+    problem.bounds[4] = (-1.0, 0.001);
+    let solution = OutputError::default().solve(&problem).unwrap();
+    assert_eq!((solution.at_bound.as_slice(), solution.status), ([3, 4].as_slice(), Status::SolvedAtBound));
+    assert!((solution.theta[3] - 1.01).abs() < 1e-12 && (solution.theta[4] - 0.001).abs() < 1e-12, "{:?}", solution.theta);
+    assert!((solution.theta[1] - PIONEER[1]).abs() < 0.01, "{:?}", solution.theta);
+    let std = solution.std.unwrap();
+    assert!(std[3].is_nan() && std[4].is_nan() && std[0] > 0.0, "{std:?}");
+    problem.bounds[0] = (2.0, 1.0);
+    assert!(matches!(OutputError::default().solve(&problem), Err(SolveError::EmptyBounds { .. })));
+}
+
+#[test]
+fn ties_and_fixed_parameters_are_honoured() {
+    let (track, tied) = (0.089, [0.0228, 0.0568, 0.089 * 0.089 / 4.0 * 0.0732, 0.998, 0.0732, 0.998]);
+    let model = WheelPdConfig { constrained: true, track_width: Some(track), ..WheelPdConfig::default() }.build().unwrap();
+    let stretch = drive(&tied, stamps(0.02, 3000, 0.0), 20, false);
+    let data = data(vec![stretch]);
+    let problem = Problem::new(&*model, &data);
+    assert_eq!(problem.map.free.len(), 4);
+    let solution = OutputError::default().solve(&problem).unwrap();
+    assert!(solution.theta.iter().zip(&tied).all(|(f, t)| (f - t).abs() < 1e-6), "{:?}", solution.theta);
+    let std = solution.std.unwrap();
+    assert_eq!(std[3], std[5]);
+}
+
+#[test]
+fn a_drive_that_never_turns_is_refused_by_name() {
+    let model = robot();
+    let mut random = noise(3);
+    let mut straight = drive(&PIONEER, stamps(0.05, 2000, 0.0), 10, false);
+    straight.inputs[1].fill(0.0);
+    straight.outputs[0].iter_mut().for_each(|v| *v += 0.01 * random());
+    straight.outputs[1].iter_mut().for_each(|w| *w = 0.01 * random());
+    let error = OutputError::default().solve(&Problem::new(&*model, &data(vec![straight.clone()]))).unwrap_err();
+    let SolveError::NotIdentifiable { parameters, .. } = &error else { panic!("{error}") };
+    assert!(["theta2", "theta5", "theta6"].iter().all(|p| parameters.iter().any(|q| q == p)), "{error}");
+    assert!(!parameters.iter().any(|p| p == "theta1" || p == "theta4"), "{error}");
+    straight.outputs[1].fill(0.0);
+    let error = OutputError::default().solve(&Problem::new(&*model, &data(vec![straight]))).unwrap_err();
+    assert!(matches!(error, SolveError::NotIdentifiable { .. }), "{error}");
+}
+
+#[test]
+fn too_few_samples_are_refused() {
+    let model = robot();
+    let data = data(vec![drive(&PIONEER, stamps(0.05, 4, 0.0), 10, false)]);
+    assert!(matches!(OutputError::default().solve(&Problem::new(&*model, &data)), Err(SolveError::TooFewSamples { .. })));
+}
+
+#[test]
+fn settings_are_read_from_a_table() {
+    let table = "type = 'output-error'\nvelocity = 'difference'".parse().unwrap();
+    let solver: Box<dyn Solver> = wheelwright_core::config::tagged(table).unwrap();
+    assert_eq!(solver.name(), "output-error");
+    let wrong = "type = 'output-error'\nvelocity = 'mean'".parse().unwrap();
+    let error = wheelwright_core::config::tagged::<Box<dyn Solver>>(wrong).unwrap_err();
+    assert!(error.to_string().contains("velocity"), "{error}");
+}
