@@ -2,7 +2,8 @@
 //!
 //! ```toml
 //! seed = 1
-//! plugins = ["libmy_robot.so"]          # shared libraries, relative to this file
+//! [[plugin]]                            # a shared library, relative to this file
+//! path = "libmy_robot.so"
 //! [robot]                               # or [recording]
 //! type = "simulator"
 //! [excitation]
@@ -24,6 +25,7 @@ use serde::Deserialize;
 use toml::{Table, Value};
 use wheelwright_core::config::{self as core_config, ConfigError};
 use wheelwright_core::recording::{ColumnMap, ReadOptions};
+use wheelwright_plugin::PluginEntry;
 
 use crate::error::Error;
 use crate::toml_file::TomlFile;
@@ -44,7 +46,7 @@ pub struct Sections {
     pub seed: Option<u64>,
     /// Shared libraries to load, relative to the file.
     #[serde(default)]
-    pub plugins: Vec<PathBuf>,
+    pub plugin: Vec<PluginEntry>,
     /// The robot to excite.
     pub robot: Option<Table>,
     /// The command to drive.
@@ -174,7 +176,12 @@ impl Config {
 
     /// A path given in this file, which is relative to it.
     pub fn resolve(&self, path: &Path) -> PathBuf {
-        self.file.path().parent().map_or_else(|| path.to_owned(), |folder| folder.join(path))
+        self.folder().join(path)
+    }
+
+    /// The folder of this file, empty for the current one.
+    pub fn folder(&self) -> &Path {
+        self.file.path().parent().unwrap_or(Path::new(""))
     }
 
     /// How readers are to see the recordings.

@@ -11,6 +11,7 @@ use wheelwright_core::model::ModelError;
 use wheelwright_core::recording::{ReadError, RecordingError};
 use wheelwright_core::robot::RobotError;
 use wheelwright_core::solver::SolveError;
+use wheelwright_plugin::PluginError;
 
 /// What stopped a command.
 #[derive(Debug, Error)]
@@ -66,8 +67,8 @@ pub enum Error {
         kept: Option<PathBuf>,
     },
     /// A plugin could not be loaded or broke its contract.
-    #[error("{0}")]
-    Plugin(String),
+    #[error(transparent)]
+    Plugin(#[from] PluginError),
     /// A gate given with `--require` or `--fail-on` was not passed.
     #[error("gate failed: {0}")]
     Gate(String),
@@ -85,6 +86,7 @@ impl Error {
             Self::Identify(IdentifyError::Model(error)) => model_status(error),
             Self::Connect(RobotError::Config { .. }) => 2,
             Self::Drive { error, .. } => drive_status(&error.fault),
+            Self::Plugin(error) if !error.is_plugin_failure() => 2,
             Self::Connect(_) | Self::Plugin(_) => 5,
             Self::Gate(_) => 4,
             _ => 1,
@@ -113,7 +115,7 @@ fn drive_status(fault: &DriveFault) -> u8 {
 fn solve_status(error: &SolveError) -> u8 {
     match error {
         SolveError::NotIdentifiable { .. } | SolveError::TooFewSamples { .. } => 3,
-        SolveError::Setting { .. } | SolveError::NotApplicable { .. } | SolveError::EmptyBounds { .. } => 2,
+        SolveError::Setting { .. } | SolveError::Signal(_) | SolveError::NotApplicable { .. } | SolveError::EmptyBounds { .. } => 2,
         SolveError::Model(error) => model_status(error),
         _ => 1,
     }

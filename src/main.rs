@@ -1,7 +1,6 @@
 //! The `wheelwright` program: exit codes and nothing else.
 
-use std::process::ExitCode;
-
-fn main() -> ExitCode {
-    ExitCode::from(wheelwright::cli::main())
+fn main() {
+    // A plugin's call that never returned must not keep the program from ending.
+    wheelwright_plugin::exit(i32::from(wheelwright::cli::main()));
 }

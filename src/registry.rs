@@ -4,9 +4,10 @@ use serde::de::DeserializeOwned;
 use toml::{Table, Value};
 use wheelwright_core::config::{self, ConfigError};
 use wheelwright_core::excitation::Excitation;
-use wheelwright_core::model::{ModelConfig, RegressorModel};
-use wheelwright_core::robot::{Robot, RobotConfig, RobotError};
+use wheelwright_core::model::{ModelError, RegressorModel};
+use wheelwright_core::robot::{Robot, RobotError};
 use wheelwright_core::solver::Solver;
+use wheelwright_plugin::{Kind, Listed};
 
 use crate::config::Config;
 use crate::error::Error;
@@ -25,6 +26,15 @@ pub struct Entry {
     pub source: String,
 }
 
+/// Why there is no model: its table is wrong, or the model or its plugin failed.
+#[derive(Debug, Clone, PartialEq)]
+pub enum ModelFailure {
+    /// Key relative to the table, and reason.
+    Config(ConfigError),
+    /// What the model said.
+    Model(ModelError),
+}
+
 /// Why there is no robot: its table is wrong, or it does not answer.
 #[derive(Debug, Clone, PartialEq)]
 pub enum RobotFailure {
@@ -36,26 +46,30 @@ pub enum RobotFailure {
 
 /// Finds plugins by the `type` of their table.
 #[derive(Debug, Default)]
-pub struct Registry {}
+pub struct Registry {
+    /// Robots and models, which come from libraries too.
+    loadable: wheelwright_plugin::Registry,
+}
 
 impl Registry {
     /// Loads the libraries a configuration names.
     ///
     /// # Errors
     /// [`Error::Plugin`] naming the library and the reason.
-    pub fn load(_config: &Config) -> Result<Self, Error> {
-        Ok(Self {})
+    pub fn load(config: &Config) -> Result<Self, Error> {
+        let loadable = wheelwright_plugin::Registry::load(config.folder(), &config.sections.plugin)?;
+        Ok(Self { loadable })
     }
 
     /// A model.
     ///
     /// # Errors
-    /// [`ConfigError`] with the key, relative to the table.
-    pub fn model(&self, table: Table) -> Result<Box<dyn RegressorModel>, ConfigError> {
-        let model: Box<dyn ModelConfig> = config::tagged(table)?;
-        model.build().map_err(|e| match e {
-            wheelwright_core::model::ModelError::Config { key, reason } => ConfigError::new(key, reason),
-            other => ConfigError::new("", other.to_string()),
+    /// [`ModelFailure`].
+    pub fn model(&self, table: Table) -> Result<Box<dyn RegressorModel>, ModelFailure> {
+        let config = self.loadable.model(table).map_err(ModelFailure::Config)?;
+        config.build().map_err(|e| match e {
+            ModelError::Config { key, reason } => ModelFailure::Config(ConfigError::new(key, reason)),
+            other => ModelFailure::Model(other),
         })
     }
 
@@ -72,7 +86,7 @@ impl Registry {
     /// # Errors
     /// [`RobotFailure`].
     pub fn robot(&self, table: Table, seed: u64) -> Result<Box<dyn Robot>, RobotFailure> {
-        let config: Box<dyn RobotConfig> = config::tagged(table).map_err(RobotFailure::Config)?;
+        let config = self.loadable.robot(table).map_err(RobotFailure::Config)?;
         config.connect(seed).map_err(|e| match e {
             RobotError::Config { key, reason } => RobotFailure::Config(ConfigError::new(key, reason)),
             other => RobotFailure::Robot(other),
@@ -90,14 +104,26 @@ impl Registry {
     /// Plugins of one of [`KINDS`], in order of name.
     pub fn list(&self, kind: &str) -> Vec<Entry> {
         match kind {
-            "models" => built_in::<dyn ModelConfig>(|m| m.about()),
-            "robots" => built_in::<dyn RobotConfig>(|r| r.about()),
+            "models" => self.loadable(Kind::Model),
+            "robots" => self.loadable(Kind::Robot),
             "solvers" => built_in::<dyn Solver>(|s| s.about()),
             "excitations" => built_in::<dyn Excitation>(|e| e.about()),
             _ => Vec::new(),
         }
     }
+
+    fn loadable(&self, kind: Kind) -> Vec<Entry> {
+        let entry = |l: Listed| Entry {
+            name: l.name,
+            about: l.about,
+            source: l.library.map_or_else(|| BUILT_IN.to_owned(), |path| path.display().to_string()),
+        };
+        self.loadable.list().into_iter().filter(|l| l.kind == kind).map(entry).collect()
+    }
 }
+
+/// The source of what no library brought.
+const BUILT_IN: &str = "built-in";
 
 /// What typetag knows of a trait. A plugin that cannot be made without settings tells what it lacks instead of what it is.
 fn built_in<T: ?Sized>(about: impl Fn(&T) -> String) -> Vec<Entry>
@@ -108,6 +134,6 @@ where
         let table = Table::from_iter([("type".to_owned(), Value::String(name.clone()))]);
         config::tagged::<Box<T>>(table).map_or_else(|e| format!("needs settings: {e}"), |plugin| about(&plugin))
     };
-    let entry = |name: String| Entry { about: describe(&name), name, source: "built-in".to_owned() };
+    let entry = |name: String| Entry { about: describe(&name), name, source: BUILT_IN.to_owned() };
     config::names::<Box<T>>().into_iter().map(entry).collect()
 }

@@ -257,8 +257,8 @@ fn configurations() -> Vec<Case> {
             &["linear", "tau"],
         ),
         config_case("mapping scaled by nothing", "[recording.columns]\nv = { from = \"v\", scale = 0.0 }\n", 2, &["v", "scale"]),
-        config_case("plugin that is not there", "plugins = [\"libgone.so\"]\n", 2, &["libgone.so"]),
-        config_case("plugin that is no library", "plugins = [\"log.csv\"]\n", 2, &["log.csv", "shared library"]),
+        config_case("plugin that is not there", "[[plugin]]\npath = \"libgone.so\"\n", 2, &["libgone.so"]),
+        config_case("plugin that is no library", "[[plugin]]\npath = \"log.csv\"\n", 2, &["log.csv", "shared library"]),
         run_case("neither robot nor recording", "[model]\ntype = \"vw-pd\"\n", 2, &["c.toml", "robot", "recording"]),
         run_case(
             "unknown robot",

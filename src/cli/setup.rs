@@ -14,7 +14,7 @@ use crate::config::Config;
 use crate::constraints::freedom;
 use crate::error::Error;
 use crate::output::Folder;
-use crate::registry::{Registry, RobotFailure};
+use crate::registry::{ModelFailure, Registry, RobotFailure};
 use crate::study::Study;
 use crate::toml_file::TomlFile;
 
@@ -112,7 +112,10 @@ impl Setup {
         let default_model = robot.as_ref().map_or(MODEL, |r| r.model.as_str());
         let model_table = chosen(self.config.sections.model.as_ref(), arguments.model.as_deref(), default_model);
         let solver_table = chosen(self.config.sections.solver.as_ref(), arguments.solver.as_deref(), SOLVER);
-        let model = self.registry.model(model_table.clone()).map_err(|e| self.config.error_in("model", e))?;
+        let model = self.registry.model(model_table.clone()).map_err(|e| match e {
+            ModelFailure::Config(error) => self.config.error_in("model", error),
+            ModelFailure::Model(error) => Error::Identify(error.into()),
+        })?;
         let solver = self.registry.solver(solver_table).map_err(|e| self.config.error_in("solver", e))?;
         let freedom = freedom(&*model, &self.config.sections.parameters).map_err(|e| self.config.error_in("parameters", e))?;
         let validates = !arguments.validate.is_empty() || !self.config.sections.validation.recordings.is_empty();

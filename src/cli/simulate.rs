@@ -15,6 +15,7 @@ use super::setup::{ReadArguments, Setup};
 use crate::documents;
 use crate::error::Error;
 use crate::model_file::ModelFile;
+use crate::registry::ModelFailure;
 use crate::source::Source;
 
 #[derive(Debug, Args)]
@@ -33,7 +34,10 @@ pub(super) fn run(arguments: &Arguments, shared: &Shared, console: &Console) -> 
     let setup = Setup::load(shared)?;
     let file = ModelFile::read(&arguments.model)?;
     let in_file = |error| Error::Config { file: arguments.model.clone(), position: None, error };
-    let model = setup.registry.model(file.model.clone()).map_err(|e| in_file(e.inside("model")))?;
+    let model = setup.registry.model(file.model.clone()).map_err(|e| match e {
+        ModelFailure::Config(error) => in_file(error.inside("model")),
+        ModelFailure::Model(error) => Error::Identify(error.into()),
+    })?;
     let theta = file.theta(&*model).map_err(in_file)?;
     let source = Source::open(&arguments.commands, &setup.read_options(&arguments.read)?)?;
     let commands = dataset(&source, &*model)?;
