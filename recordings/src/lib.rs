@@ -18,6 +18,7 @@ mod detect;
 mod json;
 mod number;
 mod parquet;
+mod ros;
 mod wpilog;
 
 use std::path::Path;
@@ -25,10 +26,15 @@ use std::path::Path;
 use wheelwright_core::recording::{ReadError, ReadOptions, Recording, RecordingReader};
 
 pub use csv::write_csv;
+pub use ros::{WriteError, write_mcap};
 
 /// Every built-in reader, in the order in which they are asked whether they know a file.
 pub fn readers() -> Vec<Box<dyn RecordingReader>> {
-    vec![Box::new(parquet::Parquet), Box::new(wpilog::WpiLog), Box::new(json::Json), Box::new(csv::Csv)]
+    let mut readers = ros::readers();
+    let text_and_tables: [Box<dyn RecordingReader>; 4] =
+        [Box::new(parquet::Parquet), Box::new(wpilog::WpiLog), Box::new(json::Json), Box::new(csv::Csv)];
+    readers.extend(text_and_tables);
+    readers
 }
 
 /// Reads the recording at `path`, a file or a bag folder, with the first of [`readers`] that knows its content.

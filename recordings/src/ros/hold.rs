@@ -85,7 +85,7 @@ mod tests {
     #[test]
     fn several_changes_inside_one_interval_all_count() {
         let means = held_means(&[0, 2, 4, 8], &[1.0, 10.0, 100.0, 5.0], &[0, 10, 20], 0);
-        assert_eq!(means, [Some((2.0 + 20.0 + 400.0 + 10.0) / 10.0), Some(5.0), ]);
+        assert_eq!(means, [Some((2.0 + 20.0 + 400.0 + 10.0) / 10.0), Some(5.0), Some(5.0)]);
     }
 
     #[test]
