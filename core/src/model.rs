@@ -131,7 +131,7 @@ pub trait RegressorModel: Debug + Send + Sync {
         self.outputs().len()
     }
 
-    /// Writes Φ (row-major, equations × parameters) and y (equations) at a sample. Φ must be affine in the accelerations.
+    /// Writes Φ (row-major, equations × parameters) and y (equations) at a sample. Both must be affine in the accelerations.
     fn regressor(&self, sample: Sample<'_>, phi: &mut [f64], y: &mut [f64]);
 
     /// Why [`regressor`](Self::regressor) failed, if it did: a model whose code lies outside this program can, and then

@@ -123,8 +123,9 @@ impl RegressorModel for WheelVoltage {
 /// holds the wheel, up to kS. A wheel that has slowed to the capture speed kS/(4 (kV + kS)) under |u| ≤ kS is therefore brought to
 /// rest exponentially; elsewhere the law holds as written, with a wheel at rest breaking away in the direction of u.
 ///
-/// The capture speed, below 0.25 m/s for any parameters and about 0.02 m/s for usual ones, is the narrowest over which a step of
-/// a quarter of kA/(kV + kS) cannot jump; the decay is at (kV + kS)/kA, which the simulator's linear part steps exactly.
+/// The capture speed is below 0.25 m/s for any parameters and about 0.02 m/s for usual ones (kS counts as a voltage a unit of speed
+/// here: the simulator's linear part is taken over one unit). It is the narrowest that a step of a quarter of kA/(kV + kS) cannot
+/// jump over; the decay, at (kV + kS)/kA, is what that linear part steps exactly.
 fn with_friction(kv: f64, ka: f64, ks: f64, u: f64, v: f64) -> f64 {
     let capture = ks / (4.0 * (kv + ks));
     if u.abs() <= ks && v.abs() < capture {
