@@ -27,11 +27,16 @@ pub(crate) enum Late {
 pub(crate) fn wait<T>(results: &Receiver<T>, limit: Duration) -> Result<T, Late> {
     results.recv_timeout(limit).map_err(|e| match e {
         RecvTimeoutError::Timeout => {
-            ABANDONED.store(true, Ordering::SeqCst);
+            abandon();
             Late::Timeout
         }
         RecvTimeoutError::Disconnected => Late::Lost("the thread that calls the plugin ended".to_owned()),
     })
+}
+
+/// Marks that a call was left behind.
+pub(crate) fn abandon() {
+    ABANDONED.store(true, Ordering::SeqCst);
 }
 
 /// Starts a thread.

@@ -110,7 +110,7 @@ pub enum PluginError {
         /// Limit \[s\].
         limit_s: f64,
     },
-    /// A setting of the `[[plugin]]` entry is impossible.
+    /// A limit in the configuration is impossible.
     #[error("plugin {}: `{key}`: {reason}", .path.display())]
     Setting {
         /// Library.

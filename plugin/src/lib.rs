@@ -15,6 +15,7 @@
 
 pub mod abi;
 mod alone;
+pub mod check;
 mod config_text;
 mod deadline;
 mod error;
@@ -27,4 +28,5 @@ mod status;
 pub use deadline::exit;
 pub use error::PluginError;
 pub use host::library::{Library, PluginEntry};
+pub use host::watch::watch_models;
 pub use registry::{Kind, Listed, Registry};

@@ -138,7 +138,7 @@ impl Registry {
     }
 }
 
-fn is_type(table: &Table, name: &str) -> bool {
+pub(crate) fn is_type(table: &Table, name: &str) -> bool {
     table.get("type").and_then(Value::as_str) == Some(name)
 }
 

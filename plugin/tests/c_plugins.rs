@@ -7,7 +7,7 @@ mod support;
 use std::path::Path;
 use std::time::{Duration, Instant};
 
-use support::{broken, compile, has_c_compiler, model, refused, registry, robot, table};
+use support::{broken, compile, has_c_compiler, hurried, model, refused, registry, robot, table};
 use wheelwright_core::channel::{OMEGA, OMEGA_REF, V, V_REF};
 use wheelwright_core::dataset::Stretch;
 use wheelwright_core::model::{ModelError, Sample};
@@ -122,7 +122,7 @@ fn statuses_arrive_as_errors_of_their_class_and_stop_the_robot() {
     for (status, expected) in [
         (1, "`type`: command 1 (plugin robot `mock`)"),
         (2, "no connection to the robot: plugin robot `mock`: command 2"),
-        (3, "the robot did not answer within 0.3 s: plugin robot `mock`: command 3"),
+        (3, "the robot did not answer within 8 s: plugin robot `mock`: command 3"),
         (4, "the robot reported a fault: plugin robot `mock`: command 4"),
         (5, "the robot's driver failed: plugin robot `mock`: command 5"),
         (42, "the robot's driver failed: plugin robot `mock`: unknown status 42 (command 42)"),
@@ -203,7 +203,7 @@ fn a_step_that_does_not_return_times_out_and_the_robot_is_stopped_beside_it() {
         return;
     }
     let path = broken(&["HANG_IN_STEP"]);
-    let mut robot = Live::new(robot(&registry(&path), "type = \"mock\"").unwrap());
+    let mut robot = Live::new(robot(&hurried(&path), "type = \"mock\"").unwrap());
     robot.step(&[0.0], &mut [0.0; 2]).unwrap();
     let begin = Instant::now();
     let error = robot.step(&[1.0], &mut [0.0; 2]).unwrap_err();
@@ -223,7 +223,7 @@ fn a_stop_that_does_not_return_is_reported_once_and_not_waited_for_again() {
         return;
     }
     let path = broken(&["HANG_IN_STEP", "HANG_IN_STOP"]);
-    let mut robot = robot(&registry(&path), "type = \"mock\"").unwrap();
+    let mut robot = robot(&hurried(&path), "type = \"mock\"").unwrap();
     let error = robot.step(&[1.0], &mut [0.0; 2]).unwrap_err().to_string();
     assert!(error.contains("; it could not be told to stop: the robot did not answer within 0.3 s"), "{error}");
     let begin = Instant::now();
@@ -238,13 +238,13 @@ fn calls_that_open_and_do_not_return_time_out() {
     if !has_c_compiler() {
         return;
     }
-    let hanging = registry(&broken(&["HANG_IN_OPEN"]));
+    let hanging = hurried(&broken(&["HANG_IN_OPEN"]));
     let error = refused(robot(&hanging, "type = \"mock\""));
-    assert_eq!(error.to_string(), "the robot did not answer within 2 s: plugin robot `mock`: the call of `open` has not returned");
+    assert_eq!(error.to_string(), "the robot did not answer within 1 s: plugin robot `mock`: the call of `open` has not returned");
     let error = model(&hanging, "type = \"mock\"").unwrap_err();
-    assert_eq!(error.to_string(), "model plugin `mock`: opening it has not returned within 2 s");
-    let error = registry(&broken(&["HANG_IN_CHECK"])).robot(table("type = \"mock\"")).unwrap_err();
-    assert_eq!(error.to_string(), "`type`: plugin robot `mock`: checking this table has not returned within 2 s");
+    assert_eq!(error.to_string(), "model plugin `mock`: opening it has not returned within 1 s");
+    let error = hurried(&broken(&["HANG_IN_CHECK"])).robot(table("type = \"mock\"")).unwrap_err();
+    assert_eq!(error.to_string(), "`type`: plugin robot `mock`: checking this table has not returned within 1 s");
 }
 
 #[test]

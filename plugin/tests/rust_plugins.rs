@@ -7,10 +7,10 @@ mod support;
 use std::thread::sleep;
 use std::time::Duration;
 
-use support::{model, panicking, refused, registry, robot, rust_example, table};
+use support::{hurried, model, panicking, refused, registry, robot, rust_example, table};
 use wheelwright_core::channel::{OMEGA, OMEGA_REF, V, V_REF};
 use wheelwright_core::model::{ModelError, Sample};
-use wheelwright_core::robot::{Live, RobotError};
+use wheelwright_core::robot::{Live, Robot, RobotError};
 
 #[test]
 fn the_example_plugin_looks_like_a_built_in() {
@@ -87,7 +87,8 @@ fn a_model_may_be_used_by_many_threads() {
     assert_eq!(model.failure(), None);
 }
 
-fn panicking_robot(when: &str) -> Result<Box<dyn wheelwright_core::robot::Robot>, RobotError> {
+/// With limits that leave time to print a backtrace.
+fn panicking_robot(when: &str) -> Result<Box<dyn Robot>, RobotError> {
     robot(&registry(&panicking()), &format!("type = \"panicking\"\nwhen = \"{when}\""))
 }
 
@@ -117,10 +118,10 @@ fn a_panic_in_a_model_is_remembered() {
 
 #[test]
 fn a_rust_robot_that_hangs_is_stopped_when_its_call_returns() {
-    let mut robot = panicking_robot("step, hang").unwrap();
+    let mut robot = robot(&hurried(&panicking()), "type = \"panicking\"\nwhen = \"step, hang\"").unwrap();
     let error = robot.step(&[0.0], &mut [0.0]).unwrap_err().to_string();
     assert!(error.contains("has not returned; it could not be told to stop: "), "{error}");
     assert!(error.ends_with("a call has not returned; the robot is stopped when it does"), "{error}");
-    sleep(Duration::from_millis(1600));
+    sleep(Duration::from_secs(3));
     assert_eq!(robot.stop(), Ok(()), "the call has returned, so the robot can be stopped directly");
 }

@@ -2,10 +2,13 @@
 
 #![allow(unsafe_code)]
 
+use std::fmt;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use serde::Deserialize;
+use serde::de::value::MapAccessDeserializer;
+use serde::de::{self, MapAccess, Visitor};
+use serde::{Deserialize, Deserializer};
 
 use crate::abi;
 use crate::deadline::{Late, within};
@@ -13,17 +16,18 @@ use crate::error::PluginError;
 use crate::host::offer::Offer;
 use crate::host::{file, read};
 
-/// An entry of a configuration: `[[plugin]]` with `path = "libmy.so"`.
-#[derive(Debug, Clone, PartialEq, Deserialize)]
-#[serde(deny_unknown_fields)]
+/// A library as a configuration names it: by its path alone, or by a table with limits.
+///
+/// ```toml
+/// plugins = ["libmy.so", { path = "libslow.so", open_timeout_s = 60 }]
+/// ```
+#[derive(Debug, Clone, PartialEq)]
 pub struct PluginEntry {
     /// The library, relative to the folder of the configuration.
     pub path: PathBuf,
     /// How long loading and each `open` may take \[s\]; 10 by default.
-    #[serde(default)]
     pub open_timeout_s: Option<f64>,
     /// How long any other call of a robot may take \[s\]; by default ten control periods, at least 1.
-    #[serde(default)]
     pub call_timeout_s: Option<f64>,
 }
 
@@ -31,6 +35,39 @@ impl PluginEntry {
     /// A library with the default limits.
     pub fn new(path: impl Into<PathBuf>) -> Self {
         Self { path: path.into(), open_timeout_s: None, call_timeout_s: None }
+    }
+}
+
+impl<'de> Deserialize<'de> for PluginEntry {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        deserializer.deserialize_any(EntryVisitor)
+    }
+}
+
+/// Takes a text or a table. Not an untagged enum, whose error would not name the key.
+struct EntryVisitor;
+
+impl<'de> Visitor<'de> for EntryVisitor {
+    type Value = PluginEntry;
+
+    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("the path of a library, or a table with `path`")
+    }
+
+    fn visit_str<E: de::Error>(self, path: &str) -> Result<PluginEntry, E> {
+        Ok(PluginEntry::new(path))
+    }
+
+    fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<PluginEntry, A::Error> {
+        #[derive(Deserialize)]
+        #[serde(deny_unknown_fields)]
+        struct Long {
+            path: PathBuf,
+            open_timeout_s: Option<f64>,
+            call_timeout_s: Option<f64>,
+        }
+        let Long { path, open_timeout_s, call_timeout_s } = Long::deserialize(MapAccessDeserializer::new(map))?;
+        Ok(PluginEntry { path, open_timeout_s, call_timeout_s })
     }
 }
 

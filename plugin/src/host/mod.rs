@@ -6,3 +6,4 @@ pub(crate) mod model;
 pub(crate) mod offer;
 pub(crate) mod read;
 pub(crate) mod robot;
+pub(crate) mod watch;

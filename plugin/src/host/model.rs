@@ -7,7 +7,7 @@
 #![allow(unsafe_code)]
 
 use std::ffi::{CString, c_void};
-use std::sync::OnceLock;
+use std::sync::{Arc, OnceLock};
 
 use wheelwright_core::channel::Channel;
 use wheelwright_core::model::{ModelError, Parameter, ParameterMap, RegressorModel, Sample, solve_accelerations};
@@ -17,6 +17,7 @@ use crate::deadline::within;
 use crate::host::library::ModelTable;
 use crate::host::read;
 use crate::host::robot::{guarded, outcome, unguarded};
+use crate::host::watch::Calls;
 use crate::message::Buffer;
 use crate::status::Failure;
 
@@ -66,6 +67,7 @@ pub(crate) struct PluginModel {
     map: ParameterMap,
     equations: usize,
     failure: OnceLock<ModelError>,
+    calls: Arc<Calls>,
 }
 
 impl std::fmt::Debug for PluginModel {
@@ -131,7 +133,8 @@ unsafe fn describe(handle: Handle, raw: &abi::ModelInfo) -> Result<PluginModel, 
     }
     // SAFETY: as the caller vouches.
     let map = unsafe { map(raw, &parameters) }?;
-    Ok(PluginModel { handle, inputs, outputs, parameters, map, equations: raw.n_equations, failure: OnceLock::new() })
+    let calls = Calls::new(handle.table.offer.name);
+    Ok(PluginModel { handle, inputs, outputs, parameters, map, equations: raw.n_equations, failure: OnceLock::new(), calls })
 }
 
 /// # Safety
@@ -205,7 +208,7 @@ impl PluginModel {
         let mut buffer = Buffer::<SHORT_MESSAGE>::new();
         let message = buffer.abi();
         // SAFETY: an open handle, one value a channel and room for phi and y, which callers hold to the model's dimensions.
-        let status = unsafe {
+        let status = self.calls.count(|| unsafe {
             (self.handle.table.regressor)(
                 self.handle.pointer,
                 sample.inputs.as_ptr(),
@@ -215,7 +218,7 @@ impl PluginModel {
                 y.as_mut_ptr(),
                 &raw const message,
             )
-        };
+        });
         outcome(status, &buffer)
     }
 
@@ -305,9 +308,9 @@ impl RegressorModel for PluginModel {
         let message = buffer.abi();
         accelerations.fill(f64::NAN);
         // SAFETY: an open handle, one value a parameter and a channel, and room for the accelerations.
-        let status = unsafe {
+        let status = self.calls.count(|| unsafe {
             solve(self.handle.pointer, theta.as_ptr(), inputs.as_ptr(), outputs.as_ptr(), accelerations.as_mut_ptr(), &raw const message)
-        };
+        });
         outcome(status, &buffer).map_err(|failure| failure.into_model_error(self.name()))?;
         if accelerations.iter().all(|a| a.is_finite()) {
             return Ok(());

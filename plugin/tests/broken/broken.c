@@ -11,11 +11,11 @@ static const ww_channel OUTPUTS[] = {{"x", "1"}, {"z", "1"}};
 #endif
 static const ww_parameter PARAMETERS[] = {
 #ifdef BAD_BOUNDS
-    {"a", "1", "", "", 1, -1},
+    {"a", "1", "inertia", "", 1, -1},
 #else
-    {"a", "1", "", "", 0, 0},
+    {"a", "1", "inertia", "", 0, 0},
 #endif
-    {"b", "1", "", "", -1, INFINITY},
+    {"b", "1", "gain", "", -1, INFINITY},
 };
 
 /* Counts calls, so that a test sees what the host did. */
@@ -149,7 +149,11 @@ static ww_status regressor(const void *handle, const double *inputs, const doubl
                            double *y, const ww_message *message)
 {
     (void)handle;
+#ifdef NOT_AFFINE
+    phi[0] = accelerations[0] * accelerations[0];
+#else
     phi[0] = accelerations[0];
+#endif
 #ifndef FORGOTTEN_OUTPUT
     phi[1] = -inputs[0];
 #endif
@@ -162,6 +166,8 @@ static ww_status regressor(const void *handle, const double *inputs, const doubl
 #endif
     if (inputs[0] == 7)
         phi[1] = NAN;
+    if (inputs[0] == 9)
+        hang();
     if (inputs[0] == 8)
         return ww_fail(message, WW_DRIVER, "eight is too many");
     return WW_OK;

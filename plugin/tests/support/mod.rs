@@ -98,15 +98,29 @@ pub(crate) fn panicking() -> PathBuf {
     BUILT.get_or_init(|| cargo_library(&["-p", "wheelwright-plugin", "--example", "panicking"])).clone()
 }
 
-/// Loads with short limits.
+/// Loads with limits that a busy machine keeps.
 pub(crate) fn load(path: &Path) -> Result<Library, PluginError> {
-    Library::load(Path::new("."), &PluginEntry { open_timeout_s: Some(2.0), call_timeout_s: Some(0.3), ..PluginEntry::new(path) })
+    Library::load(Path::new("."), &PluginEntry { open_timeout_s: Some(10.0), call_timeout_s: Some(8.0), ..PluginEntry::new(path) })
+}
+
+/// Loads with short limits, for what hangs.
+pub(crate) fn load_hurried(path: &Path) -> Result<Library, PluginError> {
+    Library::load(Path::new("."), &PluginEntry { open_timeout_s: Some(1.0), call_timeout_s: Some(0.3), ..PluginEntry::new(path) })
 }
 
 /// A registry with one library.
 pub(crate) fn registry(path: &Path) -> Registry {
+    with(load(path))
+}
+
+/// A registry with one library that hangs.
+pub(crate) fn hurried(path: &Path) -> Registry {
+    with(load_hurried(path))
+}
+
+fn with(library: Result<Library, PluginError>) -> Registry {
     let mut registry = Registry::new();
-    registry.add(load(path).unwrap()).unwrap();
+    registry.add(library.unwrap()).unwrap();
     registry
 }
 
