@@ -52,6 +52,8 @@ pub struct RegressionRows {
     pub phi: Vec<Vec<f64>>,
     /// Response of each equation.
     pub y: Vec<Vec<f64>>,
+    /// True if rows hold integrals over time of the equations' terms, so that their units are those times a second.
+    pub integrated: bool,
 }
 
 /// Parameters with what is known about them.

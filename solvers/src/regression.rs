@@ -4,7 +4,7 @@
 
 use nalgebra::{DMatrix, DVector, SVD};
 use wheelwright_core::model::{ParameterMap, RegressorModel};
-use wheelwright_core::regression::{Preparation, Settings, StretchRows, visit};
+use wheelwright_core::regression::{Form, Preparation, Settings, StretchRows, visit};
 use wheelwright_core::solver::{Problem, RegressionRows, Solution, SolveError, Status};
 
 use crate::triangle::Triangle;
@@ -57,6 +57,7 @@ impl SolverRegression {
     /// As [`visit`].
     pub fn new(problem: &Problem<'_>, settings: &Settings) -> Result<Self, SolveError> {
         let mut folded = Self::empty(problem.model);
+        folded.rows.integrated = settings.form == Form::Integral;
         let stride = problem.data.samples().div_ceil(PLOTTED).max(1);
         folded.preparation = visit(problem.model, problem.data, settings, &mut |rows| folded.append(&rows, stride))?;
         Ok(folded)
@@ -69,7 +70,7 @@ impl SolverRegression {
             triangles: vec![Triangle::new(parameters + 1); equations],
             parameters,
             preparation: Preparation::default(),
-            rows: RegressionRows { phi: vec![Vec::new(); equations], y: vec![Vec::new(); equations] },
+            rows: RegressionRows { phi: vec![Vec::new(); equations], y: vec![Vec::new(); equations], integrated: false },
         }
     }
 

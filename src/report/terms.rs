@@ -29,6 +29,16 @@ pub struct Equation {
     pub columns: Vec<Option<Term>>,
 }
 
+impl Equation {
+    /// The same equation integrated over time.
+    pub fn integrate(&mut self) {
+        for term in self.columns.iter_mut().flatten().chain([&mut self.response]) {
+            term.label = format!("∫ {} dt", term.label);
+            term.unit = term.unit.as_ref().map(|unit| if unit == "1" { "s".to_owned() } else { format!("({unit})·s") });
+        }
+    }
+}
+
 /// A quantity that regressors are made of.
 struct Variable {
     name: String,

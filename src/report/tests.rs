@@ -88,7 +88,7 @@ fn dataset(model: &Drive, stretches: Vec<Stretch>) -> Dataset {
 /// An identification with the given parameters and a regression from central differences.
 fn identified(model: &Drive, theta: &[f64; 6], std: Option<&[f64; 6]>, data: &Dataset, share: f64) -> Identification {
     let (train, held_out) = data.hold_out(share);
-    let mut rows = RegressionRows { phi: vec![Vec::new(); 2], y: vec![Vec::new(); 2] };
+    let mut rows = RegressionRows { phi: vec![Vec::new(); 2], y: vec![Vec::new(); 2], integrated: false };
     for s in &train.stretches {
         for i in 1..s.len() - 1 {
             let rate = |c: &Vec<f64>| (c[i + 1] - c[i - 1]) / (s.time[i + 1] - s.time[i - 1]);
@@ -267,6 +267,9 @@ fn terms_are_named_from_what_they_do() {
     assert_eq!(labels(0), [Some("dv/dt"), None, Some("−omega²"), Some("v"), None, None]);
     assert_eq!(labels(1), [None, Some("domega/dt"), None, None, Some("v·omega"), Some("omega")]);
     assert_eq!(found[1].response, terms::Term { label: "omega_ref".to_owned(), unit: Some("rad/s".to_owned()) });
+    let mut integrated = found[0].clone();
+    integrated.integrate();
+    assert_eq!(integrated.columns[3], Some(terms::Term { label: "∫ v dt".to_owned(), unit: Some("(m/s)·s".to_owned()) }));
 }
 
 /// Reads one of the shared CSV recordings, a stretch a segment.
