@@ -84,7 +84,7 @@ fn cloud(stretches: &[(&Stretch, bool)], x: &Channel, y: &Channel, pair: Pair<'_
         group: String::new(),
         x: Axis::linear(&x.name, &x.unit),
         points,
-        panels: vec![Panel { y: Axis::linear(&y.name, &y.unit), height: HEIGHT, series }],
+        panels: vec![Panel { y: Axis::linear(&y.name, &y.unit), height: HEIGHT, limits: None, series }],
         breaks: Vec::new(),
         caption: format!("Where {} and {} have been together: the model is proven there and extrapolates elsewhere.", x.name, y.name),
     };
@@ -101,7 +101,7 @@ fn density_plot(quantity: &str, unit: &str, curves: &[(&str, Role, &Spectrum)], 
         group: String::new(),
         x: Axis::log("frequency", "Hz"),
         points,
-        panels: vec![Panel { y: Axis::log(&format!("density of {quantity}"), &unit), height: HEIGHT, series }],
+        panels: vec![Panel { y: Axis::log(&format!("density of {quantity}"), &unit), height: HEIGHT, limits: None, series }],
         breaks: Vec::new(),
         caption,
     }

@@ -5,6 +5,7 @@ use wheelwright_core::recording::median;
 use wheelwright_core::validation::{Comparison, Validation};
 use wheelwright_core::{Dataset, RegressorModel, Stretch};
 
+use crate::report::page::enumerate;
 use crate::report::plot::{Axis, Panel, Plot, Role, Series, Style};
 use crate::report::timeline::{Joined, Timeline};
 
@@ -18,7 +19,7 @@ pub(super) fn html(model: &dyn RegressorModel, validation: &Validation, data: &s
     if stretches.is_empty() {
         return String::new();
     }
-    let timeline = Timeline::new(&stretches, period(&stretches));
+    let timeline = Timeline::new(&stretches);
     let figure = |(i, output): (usize, &Channel)| {
         let residuals: Vec<Vec<f64>> = validation.comparisons.iter().map(|c| residual(c, i)).collect();
         let command = command_of(model, output);
@@ -42,30 +43,48 @@ fn overlay(model: &dyn RegressorModel, i: usize, data: &str, timeline: &Timeline
     let mut columns = joined.columns.into_iter();
     let mut column = || columns.next().unwrap_or_default();
     let (measured, simulated, residual) = (column(), column(), column());
+    let limits = limits(&measured);
     let mut series = command_series(model, command, column());
     series.push(Series::new("measured", Style::Line, Role::Measured, measured));
     series.push(Series::new("simulated", Style::Line, Role::Model, simulated));
+    let cut = cut_off(&series, limits);
     let strip = vec![Series::new("measured − simulated", Style::Line, Role::Residual, residual)];
+    let strip_limits = limits.map(|(low, high)| (low - high, high - low));
     Plot {
         group: data.to_owned(),
         x: Axis::linear(timeline.label, "s"),
         points: joined.time,
         panels: vec![
-            Panel { y: Axis::linear(&output.name, &output.unit), height: OVERLAY, series },
-            Panel { y: Axis::linear("residual", &output.unit), height: RESIDUAL, series: strip },
+            Panel { y: Axis::linear(&output.name, &output.unit), height: OVERLAY, limits, series },
+            Panel { y: Axis::linear("residual", &output.unit), height: RESIDUAL, limits: strip_limits, series: strip },
         ],
         breaks: joined.breaks,
         caption: format!(
-            "{}, {data} data: measured, and simulated from the first sample of each stretch with the recorded inputs alone.{remark}",
+            "{}, {data} data: measured, and simulated from the first sample of each stretch with the recorded inputs alone.{cut}{remark}",
             output.name
         ),
     }
 }
 
+/// The range of a measurement with half of it added above and below.
+fn limits(measured: &[Option<f64>]) -> Option<(f64, f64)> {
+    let values = || measured.iter().flatten().copied().filter(|v| v.is_finite());
+    let (low, high) = (values().reduce(f64::min)?, values().reduce(f64::max)?);
+    (high > low).then_some((1.5 * low - 0.5 * high, 1.5 * high - 0.5 * low))
+}
+
+/// Names the series that go beyond the limits, for the caption.
+fn cut_off(series: &[Series], limits: Option<(f64, f64)>) -> String {
+    let Some((low, high)) = limits else { return String::new() };
+    let beyond = |s: &&Series| s.values.iter().flatten().any(|v| *v < low || *v > high);
+    let names: Vec<String> = series.iter().filter(beyond).map(|s| s.label.clone()).collect();
+    if names.is_empty() { String::new() } else { format!(" Beyond the axis, and cut off there: parts of {}.", enumerate(&names)) }
+}
+
 /// One figure an output of what was measured, for when there is nothing to compare with.
 pub(super) fn measured_html(model: &dyn RegressorModel, data: &Dataset) -> String {
     let stretches: Vec<&Stretch> = data.stretches.iter().collect();
-    let timeline = Timeline::new(&stretches, data.period());
+    let timeline = Timeline::new(&stretches);
     let figure = |(i, output): (usize, &Channel)| {
         let command = command_of(model, output);
         let of = |s: &&'_ Stretch| -> Vec<Vec<f64>> {
@@ -78,9 +97,11 @@ pub(super) fn measured_html(model: &dyn RegressorModel, data: &Dataset) -> Strin
         let mut columns = joined.columns.into_iter();
         let measured = columns.next().unwrap_or_default();
         let mut series = command_series(model, command, columns.next().unwrap_or_default());
+        let limits = limits(&measured);
         series.push(Series::new("measured", Style::Line, Role::Measured, measured));
-        let panel = Panel { y: Axis::linear(&output.name, &output.unit), height: OVERLAY, series };
-        let (x, caption) = (Axis::linear(timeline.label, "s"), format!("{} as measured.{remark}", output.name));
+        let cut = cut_off(&series, limits);
+        let panel = Panel { y: Axis::linear(&output.name, &output.unit), height: OVERLAY, limits, series };
+        let (x, caption) = (Axis::linear(timeline.label, "s"), format!("{} as measured.{cut}{remark}", output.name));
         Plot { group: "measured".to_owned(), x, points: joined.time, panels: vec![panel], breaks: joined.breaks, caption }.html()
     };
     if stretches.is_empty() { String::new() } else { model.outputs().iter().enumerate().map(figure).collect() }

@@ -7,7 +7,7 @@ use wheelwright_core::identification::Identification;
 use wheelwright_core::solver::Status;
 use wheelwright_core::validation::Validation;
 
-use crate::report::page::{enumerate, escape, notes};
+use crate::report::page::{enumerate, escape, notes, prose};
 use crate::report::{Outcome, ReportInput, fit, number};
 
 pub(super) fn html(input: &ReportInput<'_>) -> String {
@@ -16,14 +16,14 @@ pub(super) fn html(input: &ReportInput<'_>) -> String {
         Outcome::Failed { error, .. } => format!(
             "<div class=\"headline failed\"><p class=\"verdict\">No parameters were identified.</p><p class=\"error\">{}</p>\
              <p>Below is the data as measured, to see what it does and does not hold.</p></div>\n{warnings}",
-            escape(error)
+            prose(error)
         ),
         Outcome::Identified(found) => {
             let about = format!("Model {}: {}. Solver {}.", found.model, input.model_about.trim_end_matches('.'), found.solver);
             format!(
                 "<div class=\"headline\"><p class=\"verdict\">{}</p><p>{}</p><div class=\"tiles\">{}</div></div>\n{warnings}",
                 escape(&sentence(input.model, found)),
-                escape(&about),
+                prose(&about),
                 tiles(input.model, found)
             )
         }

@@ -7,6 +7,11 @@ pub const THIN: char = '\u{202f}';
 /// What stands for a number that there is not.
 pub const NONE: &str = "—";
 
+/// A unit as printed: `V s^2/m` becomes V s²/m.
+pub fn unit(text: &str) -> String {
+    text.replace("^2", "²").replace("^3", "³")
+}
+
 /// `x` with `decimals` digits after the point.
 pub fn fixed(x: f64, decimals: usize) -> String {
     let text = format!("{x:.decimals$}");

@@ -27,6 +27,16 @@ pub fn escape(text: &str) -> String {
     safe
 }
 
+/// Text whose `names` in backticks are set as code.
+pub fn prose(text: &str) -> String {
+    let parts: Vec<String> = escape(text).split('`').map(str::to_owned).collect();
+    // An even number of backticks leaves an odd number of parts; anything else is not ours to pair.
+    if parts.len().is_multiple_of(2) {
+        return escape(text);
+    }
+    parts.iter().enumerate().map(|(i, part)| if i % 2 == 1 { format!("<code>{part}</code>") } else { part.clone() }).collect()
+}
+
 /// A value as a JSON script element. `<` is written as an escape, so that no text can end the element.
 pub fn embed_json(value: &impl Serialize) -> String {
     // Plot data are numbers, texts and lists, which always have a JSON form.
@@ -89,7 +99,7 @@ pub fn notes(class: &str, heading: &str, texts: &[String]) -> String {
     if texts.is_empty() {
         return String::new();
     }
-    let items: String = texts.iter().map(|t| format!("<li>{}</li>", escape(t))).collect();
+    let items: String = texts.iter().map(|t| format!("<li>{}</li>", prose(t))).collect();
     format!("<aside class=\"{}\"><h3>{}</h3><ul>{items}</ul></aside>\n", escape(class), escape(heading))
 }
 
@@ -109,6 +119,8 @@ mod tests {
     #[test]
     fn text_cannot_become_markup() {
         assert_eq!(escape("<script>alert('a & \"b\"')</script>"), "&lt;script&gt;alert(&#39;a &amp; &quot;b&quot;&#39;)&lt;/script&gt;");
+        assert_eq!(prose("no `a<b` in `c`"), "no <code>a&lt;b</code> in <code>c</code>");
+        assert_eq!(prose("it`s"), "it`s");
         let json = embed_json(&"</script><!-- <script>");
         assert_eq!(json.matches("</script>").count(), 1);
         assert!(json.ends_with("</script>") && !json.contains("<!--"));

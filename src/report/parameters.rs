@@ -54,7 +54,7 @@ fn row(estimate: &Estimate) -> Vec<String> {
         scale.show(estimate.value),
         estimate.std.map_or_else(|| NONE.to_owned(), |std| scale.show(std)),
         interval,
-        escape(&estimate.parameter.unit),
+        escape(&number::unit(&estimate.parameter.unit)),
         meaning,
     ]
 }

@@ -98,6 +98,8 @@ pub struct Panel {
     pub y: Axis,
     /// Height in CSS pixels.
     pub height: u32,
+    /// What the vertical axis shows at most, so that one wild curve does not flatten the others.
+    pub limits: Option<(f64, f64)>,
     /// Series, the last on top.
     pub series: Vec<Series>,
 }
@@ -241,6 +243,7 @@ mod tests {
             panels: vec![Panel {
                 y: Axis::linear("v", "m/s"),
                 height: 200,
+                limits: None,
                 series: vec![Series::new("v", Style::Line, Role::Measured, values)],
             }],
             breaks: Vec::new(),

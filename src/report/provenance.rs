@@ -3,7 +3,7 @@
 use wheelwright_core::recording::ClockReport;
 
 use crate::report::number::{self, THIN};
-use crate::report::page::escape;
+use crate::report::page::{escape, prose};
 use crate::report::table::facts;
 use crate::report::{Outcome, RecordingFacts, ReportInput};
 
@@ -13,7 +13,7 @@ pub(super) fn steps(input: &ReportInput<'_>) -> String {
         Outcome::Identified(found) => &found.solution.steps,
         Outcome::Failed { .. } => &[],
     };
-    let items: String = input.steps.iter().chain(solver).map(|step| format!("<li>{}</li>", escape(step))).collect();
+    let items: String = input.steps.iter().chain(solver).map(|step| format!("<li>{}</li>", prose(step))).collect();
     if items.is_empty() { items } else { format!("<ol class=\"steps\">{items}</ol>\n") }
 }
 

@@ -56,7 +56,7 @@ fn equation_html(model: &dyn RegressorModel, solution: &Solution, equation: &Equ
         let theta = solution.theta[j];
         let term = equation.columns[j].clone().unwrap_or(Term { label: format!("regressor of {}", parameter.name), unit: None });
         let scale = Scale::of(theta, solution.std.as_ref().map(|s| s[j]));
-        let unit = if parameter.unit == "1" { String::new() } else { format!(" {}", parameter.unit) };
+        let unit = if parameter.unit == "1" { String::new() } else { format!(" {}", number::unit(&parameter.unit)) };
         let slope = format!("{} = {}{unit}", parameter.name, scale.show(theta));
         let alone = dot(&own, &response) / dot(&own, &own);
         let differs = (alone - theta).abs() > DIFFERENT * theta.abs();
@@ -71,6 +71,7 @@ fn equation_html(model: &dyn RegressorModel, solution: &Solution, equation: &Equ
             panels: vec![Panel {
                 y: Axis::linear(&format!("{}, own part", equation.response.label), &unit_of(&equation.response)),
                 height: HEIGHT,
+                limits: None,
                 series,
             }],
             breaks: Vec::new(),
@@ -90,7 +91,7 @@ fn response_plot(equation: &Equation, y: &[f64], predicted: &[f64]) -> Plot {
         group: String::new(),
         x: Axis::linear("predicted by the regression", &unit),
         points,
-        panels: vec![Panel { y: Axis::linear(&equation.response.label, &unit), height: HEIGHT, series }],
+        panels: vec![Panel { y: Axis::linear(&equation.response.label, &unit), height: HEIGHT, limits: None, series }],
         breaks: Vec::new(),
         caption: format!("{} against what the regression predicts of it.", equation.response.label),
     }
@@ -139,7 +140,7 @@ fn unit_of(term: &Term) -> String {
 fn column_unit(term: &Term, equation: &Equation, parameter: &str) -> String {
     let derived = || match (equation.response.unit.as_deref(), parameter) {
         (Some(response), "1" | "") => response.to_owned(),
-        (Some(response), parameter) => format!("({response})/({parameter})"),
+        (Some(response), parameter) => format!("({response})/({})", number::unit(parameter)),
         (None, _) => String::new(),
     };
     term.unit.clone().unwrap_or_else(derived)

@@ -238,9 +238,20 @@ fn a_simulation_that_diverged_is_shown_as_far_as_it_went() {
     let mut unstable = THETA;
     unstable[0] = -0.001;
     let html = page(&model, "a.csv", Outcome::Identified(&identified(&model, &unstable, None, &data, 0.3)), &data);
-    assert!(html.contains("its simulation diverges") && html.contains("Free run on held-out data: model `vw-pd`"));
+    assert!(html.contains("its simulation diverges") && html.contains("Free run on held-out data: model <code>vw-pd</code>"));
     assert!(html.contains("at its bound") && html.contains("states no uncertainty"));
     assert_eq!(count(&html, "<figure class=\"plot\">"), 17);
+}
+
+#[test]
+fn a_wild_simulation_does_not_flatten_the_measurement() {
+    let model = Drive::new();
+    let data = dataset(&model, vec![driven(&model, 2000, 0.0, 0.0)]);
+    let growing = [-5.0, THETA[1], THETA[2], THETA[3], THETA[4], THETA[5]];
+    let html = page(&model, "a.csv", Outcome::Identified(&identified(&model, &growing, None, &data, 0.3)), &data);
+    assert!(html.contains("Beyond the axis, and cut off there: parts of simulated."));
+    assert!(html.contains("does worse than a constant on v"));
+    assert!(!good_page("drive.csv").contains("Beyond the axis"));
 }
 
 #[test]

@@ -101,6 +101,10 @@
     for (const panel of plot.panels) for (const s of panel.series) if (!s.line) s.values = [null, ...s.values, null];
   }
 
+  // The range of what is in view, but not beyond the limits.
+  const within = ([low, high]) => (u, min, max) =>
+    min == null ? [null, null] : uPlot.rangeNum(Math.min(Math.max(min, low), high), Math.max(Math.min(max, high), low), 0.1, true);
+
   function build(figure, width, tall = 1) {
     const { plot, cloud, holder, key } = figure;
     const narrow = width < 480;
@@ -118,10 +122,10 @@
       const options = {
         width, height: tall * panel.height + (last ? 26 : 0),
         padding: [10, 10, 0, 0],
-        scales: { x: { time: false, distr: plot.x.log ? 3 : 1 }, y: { distr: panel.y.log ? 3 : 1 } },
+        scales: { x: { time: false, distr: plot.x.log ? 3 : 1 }, y: { distr: panel.y.log ? 3 : 1, ...(panel.limits && { range: within(panel.limits) }) } },
         axes: [
           { ...axis(plot.x), size: 30, labelSize: 20, space: narrow ? 45 : 60, ...(last ? {} : { label: null, size: 12, values: (u, s) => s.map(() => "") }) },
-          { ...axis(panel.y), size: 54, labelSize: 18, space: 28 },
+          { ...axis(panel.y), size: 54, labelSize: 18, space: panel.height < 180 ? 20 : 28 },
         ],
         series: [{ label: "at", value: (u, v) => (v == null ? "" : value(u, v) + " " + unit) }, ...panel.series.map(series)],
         cursor: {
