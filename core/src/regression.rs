@@ -5,6 +5,8 @@
 //! coefficients, so it commutes with Φ θ: θ is untouched, noise beyond the cut-off is gone. Nothing here knows how many
 //! equations, parameters or channels a model has. Each stretch is conditioned by itself.
 
+use std::ops::Range;
+
 use serde::{Deserialize, Serialize};
 
 use crate::dataset::{Dataset, Stretch};
@@ -16,8 +18,12 @@ use crate::solver::SolveError;
 const CUTOFF_HZ: f64 = 1.0;
 /// Share of the sampling rate that this cut-off does not exceed.
 const CUTOFF_SHARE: f64 = 0.25;
-/// Rows evaluated at a time, so that a column that is zero throughout never takes memory.
-const BLOCK: usize = 1024;
+/// Rows evaluated at a time: what Φ of so many rows takes stays in the first-level cache.
+const BLOCK: usize = 128;
+/// Rows conditioned at a time, at least. A long stretch is worked through in parts, so that memory stays flat.
+const PART: usize = 8192;
+/// Settling times of the filter by which parts overlap: its response has then decayed to 1e-18, below rounding.
+const OVERLAP: usize = 6;
 
 /// Which held input belongs to the output measured at t_k, if the input u_k holds from t_k to t_k+1.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
@@ -126,7 +132,7 @@ pub struct EquationRows {
     pub response: Vec<f64>,
 }
 
-/// Rows of all equations over one stretch.
+/// Rows of all equations over one stretch or a part of it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct StretchRows {
     /// Index of the stretch in the data set.
@@ -135,6 +141,24 @@ pub struct StretchRows {
     pub time: Vec<f64>,
     /// One entry an equation.
     pub equations: Vec<EquationRows>,
+}
+
+impl StretchRows {
+    /// Appends the part that follows.
+    fn extend(&mut self, part: Self) {
+        let before = self.time.len();
+        self.time.extend(part.time);
+        for (equation, more) in self.equations.iter_mut().zip(part.equations) {
+            equation.response.extend(more.response);
+            for (column, more) in equation.columns.iter_mut().zip(more.columns) {
+                if !(column.is_empty() && more.is_empty()) {
+                    column.resize(before, 0.0);
+                    column.extend(more);
+                    column.resize(self.time.len(), 0.0);
+                }
+            }
+        }
+    }
 }
 
 /// What was done on the way to the rows.
@@ -150,9 +174,10 @@ pub struct Preparation {
     pub warnings: Vec<String>,
 }
 
-/// Makes the rows of each stretch in turn and hands them to `each`; only one stretch is in memory at a time.
+/// Makes the rows of each stretch in turn and hands them to `each`, a long stretch in several parts.
 ///
-/// Stretches too short for the filter and the trimming are left out with a warning.
+/// Parts are filtered with an overlap in which the filter forgets where it started, so the rows are those of the whole
+/// stretch to rounding. Stretches too short for the filter and the trimming are left out with a warning.
 ///
 /// # Errors
 /// [`SolveError::Setting`] or [`SolveError::Signal`] for settings that do not fit the data, [`SolveError::TooFewSamples`]
@@ -166,9 +191,7 @@ pub fn visit(
     settings.check()?;
     let mut work = Work::new(model, data, settings);
     for (index, stretch) in data.stretches.iter().enumerate() {
-        if let Some(rows) = work.rows(index, stretch)? {
-            each(rows);
-        }
+        work.rows(index, stretch, each)?;
     }
     work.finish(data)
 }
@@ -178,8 +201,11 @@ pub fn visit(
 /// # Errors
 /// As [`visit`].
 pub fn build(model: &dyn RegressorModel, data: &Dataset, settings: &Settings) -> Result<(Vec<StretchRows>, Preparation), SolveError> {
-    let mut all = Vec::new();
-    let preparation = visit(model, data, settings, &mut |rows| all.push(rows))?;
+    let mut all: Vec<StretchRows> = Vec::new();
+    let preparation = visit(model, data, settings, &mut |rows| match all.last_mut() {
+        Some(last) if last.stretch == rows.stretch => last.extend(rows),
+        _ => all.push(rows),
+    })?;
     Ok((all, preparation))
 }
 
@@ -213,32 +239,37 @@ impl<'a> Work<'a> {
         Self { model, settings, conditioner: None, rows, period_squares: 0.0, stretches, resampled, worst_jitter: 0.0, dropped, needed_s }
     }
 
-    /// Rows of one stretch; `None` if it is too short.
-    fn rows(&mut self, index: usize, stretch: &Stretch) -> Result<Option<StretchRows>, SolveError> {
-        let Some(spacing) = signal::spacing(&stretch.time) else { return Ok(None) };
+    /// Hands out the rows of one stretch, in parts; none if it is too short.
+    fn rows(&mut self, index: usize, stretch: &Stretch, each: &mut dyn FnMut(StretchRows)) -> Result<(), SolveError> {
+        let Some(spacing) = signal::spacing(&stretch.time) else { return Ok(()) };
         let period = spacing.period;
         let conditioner = self.conditioner(period)?;
-        let least = match self.settings.form {
-            Form::Derivative => (2 * conditioner.trim + 2).max(conditioner.filter.as_ref().map_or(2, ZeroPhase::min_samples)),
-            Form::Integral => self.settings.integral_samples + 1,
+        let integral = self.settings.form == Form::Integral;
+        let least = if integral {
+            self.settings.integral_samples + 1
+        } else {
+            (2 * conditioner.trim + 2).max(conditioner.filter.as_ref().map_or(2, ZeroPhase::min_samples))
         };
         self.needed_s = self.needed_s.max(least as f64 * period);
-        let even = self.settings.form == Form::Integral || spacing.jitter <= self.settings.max_jitter;
+        let even = integral || spacing.jitter <= self.settings.max_jitter;
         let gridded = (!even).then(|| signal::resample(stretch, period));
         let on_grid = gridded.as_ref().unwrap_or(stretch);
         if on_grid.len() < least {
             self.dropped.push(stretch.label.clone());
-            return Ok(None);
+            return Ok(());
         }
         self.worst_jitter = self.worst_jitter.max(spacing.jitter);
         self.resampled += usize::from(!even);
-        let (time, equations) = match self.settings.form {
-            Form::Derivative => self.derivative(on_grid, &conditioner)?,
-            Form::Integral => self.integral(on_grid)?,
-        };
-        self.rows += time.len();
-        self.period_squares += period * period * time.len() as f64;
-        Ok(Some(StretchRows { stretch: index, time, equations }))
+        for part in parts(on_grid.len(), &conditioner, integral.then_some(self.settings.integral_samples)) {
+            let samples = on_grid.slice(part.samples.clone());
+            let kept = part.kept.start - part.samples.start..part.kept.end - part.samples.start;
+            let (time, equations) =
+                if integral { self.integral(&samples)? } else { self.derivative(&samples, conditioner.filter.as_ref(), kept)? };
+            self.rows += time.len();
+            self.period_squares += period * period * time.len() as f64;
+            each(StretchRows { stretch: index, time, equations });
+        }
+        Ok(())
     }
 
     /// The filter for a sampling period, kept from stretch to stretch while the period stays the same.
@@ -262,8 +293,12 @@ impl<'a> Work<'a> {
     }
 
     /// Rows at samples, with differences for the accelerations.
-    fn derivative(&self, stretch: &Stretch, conditioner: &Conditioner) -> Result<(Vec<f64>, Vec<EquationRows>), SolveError> {
-        let filter = conditioner.filter.as_ref();
+    fn derivative(
+        &self,
+        stretch: &Stretch,
+        filter: Option<&ZeroPhase>,
+        kept: Range<usize>,
+    ) -> Result<(Vec<f64>, Vec<EquationRows>), SolveError> {
         let mut inputs = stretch.inputs.iter().map(|u| paired(u, self.settings.pairing)).collect::<Vec<_>>();
         let mut outputs = stretch.outputs.clone();
         let after = self.settings.products == Products::AfterFilter;
@@ -280,7 +315,6 @@ impl<'a> Work<'a> {
             let columns = equations.iter_mut().flat_map(|e| e.columns.iter_mut().chain(responses.then_some(&mut e.response)));
             apply(filter, columns.filter(|c| !c.is_empty()))?;
         }
-        let kept = conditioner.trim..stretch.len() - conditioner.trim;
         for column in equations.iter_mut().flat_map(|e| e.columns.iter_mut().chain([&mut e.response])).filter(|c| !c.is_empty()) {
             column.truncate(kept.end);
             column.drain(..kept.start);
@@ -403,6 +437,26 @@ impl<'a> Work<'a> {
             self.needed_s
         )]
     }
+}
+
+/// A part of a stretch: the samples that are worked on, and those of them whose rows are kept.
+#[derive(Debug, Clone, PartialEq)]
+struct Part {
+    samples: Range<usize>,
+    kept: Range<usize>,
+}
+
+/// Cuts a stretch of `n` samples, or the rows of its windows, into parts.
+fn parts(n: usize, conditioner: &Conditioner, window: Option<usize>) -> Vec<Part> {
+    let overlap = conditioner.filter.as_ref().map_or(1, |f| OVERLAP * f.filter().settling());
+    let (before, after) = window.map_or((overlap, overlap), |w| (0, w));
+    let rows = window.map_or(conditioner.trim..n - conditioner.trim, |w| 0..n - w);
+    let length = PART.max(4 * (before + after));
+    let part = |start: usize| {
+        let kept = start..(start + length).min(rows.end);
+        Part { samples: start.saturating_sub(before)..(kept.end + after).min(n), kept }
+    };
+    rows.clone().step_by(length).map(part).collect()
 }
 
 fn not_finite(model: &dyn RegressorModel) -> SolveError {

@@ -19,8 +19,8 @@ use wheelwright_core::solver::SolveError;
 
 /// Linearisations before the hold is left as it is.
 const STEPS: usize = 60;
-/// Relative change of the free parameters at which they have settled.
-const SETTLED: f64 = 1e-12;
+/// Relative change of the free parameters at which they have settled; convergence is quadratic, so the next would be rounding.
+const SETTLED: f64 = 1e-10;
 /// Size of a parameter below which changes are measured against this.
 const SMALL: f64 = 1e-3;
 

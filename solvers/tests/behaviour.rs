@@ -5,7 +5,8 @@ mod common;
 use common::{KHEPERA, PIONEER, dataset, khepera_reference, pioneer_reference, record, sines, times, vw_pd};
 use wheelwright_core::config::{names, tagged};
 use wheelwright_core::model::{ModelConfig, ParameterMap, RegressorModel};
-use wheelwright_core::regression::{Form, Settings, build};
+use wheelwright_core::regression::{Form, Settings, build, visit};
+use wheelwright_core::signal::{Butterworth, Padding, ZeroPhase};
 use wheelwright_core::simulation::Simulator;
 use wheelwright_core::solver::{Problem, SolveError, Solver, Status};
 use wheelwright_core::{Dataset, Stretch};
@@ -53,8 +54,7 @@ fn settings_from_a_configuration_are_those_in_code() {
     let text = "type = 'ols'\nundo_hold = false\n[conditioning]\ncutoff_hz = 1.0\ntrim_s = 5.0\npairing = 'mid'\npadding = 'matlab'";
     let (model, data) = (vw_pd(), pioneer());
     let configured = solver(text).solve(&Problem::new(&*model, &data)).unwrap();
-    let conditioning =
-        Settings { cutoff_hz: Some(1.0), trim_s: Some(5.0), padding: wheelwright_core::signal::Padding::Matlab, ..Settings::default() };
+    let conditioning = Settings { cutoff_hz: Some(1.0), trim_s: Some(5.0), padding: Padding::Matlab, ..Settings::default() };
     let coded = Ols { conditioning, undo_hold: false }.solve(&Problem::new(&*model, &data)).unwrap();
     assert_eq!(configured.theta, coded.theta);
 }
@@ -186,6 +186,43 @@ fn nothing_passes_from_one_segment_to_another() {
     let (after, _) = build(&*model, &shaken, &Settings::default()).unwrap();
     assert!(before[3] == after[3], "rows of a segment changed with its neighbours");
     assert!(before[2] != after[2]);
+}
+
+#[test]
+fn a_long_stretch_worked_through_in_parts_gives_the_rows_of_the_whole() {
+    let model = vw_pd();
+    let n = 40_000;
+    let time: Vec<f64> = (0..n).map(|k| 0.02 * k as f64).collect();
+    let wave = |f: f64| time.iter().enumerate().map(|(k, t)| 0.5 + (f * t).sin() + 0.1 * ((k * k % 97) as f64)).collect::<Vec<f64>>();
+    let stretch =
+        Stretch { label: String::new(), inputs: vec![wave(1.0), wave(1.3)], outputs: vec![wave(1.1), wave(0.7)], time: time.clone() };
+    let data = Dataset { inputs: model.inputs().to_vec(), outputs: model.outputs().to_vec(), stretches: vec![stretch] };
+    for settings in
+        [Settings { order: 3, cutoff_hz: Some(0.3), ..Settings::default() }, Settings { form: Form::Integral, ..Settings::default() }]
+    {
+        let mut calls = 0;
+        visit(&*model, &data, &settings, &mut |_| calls += 1).unwrap();
+        assert!(calls > 2, "the test needs several parts");
+        let (rows, preparation) = build(&*model, &data, &settings).unwrap();
+        assert_eq!((rows.len(), rows[0].time.len()), (1, preparation.rows));
+        assert!(rows[0].time.windows(2).all(|w| (w[1] - w[0] - 0.02).abs() < 1e-9));
+        let (v, w) = (&data.stretches[0].outputs[0], &data.stretches[0].outputs[1]);
+        let mut product: Vec<f64> = v.iter().zip(w).map(|(v, w)| v * w).collect();
+        if settings.form == Form::Derivative {
+            let filter = Butterworth::low_pass(3, 0.3, 1.0 / 0.02).unwrap();
+            let trim = filter.settling();
+            ZeroPhase::new(filter, Padding::Scipy).apply(&mut [&mut product]).unwrap();
+            product = product[trim..n - trim].to_vec();
+        } else {
+            let interval = |k: usize| 0.5 * (product[k] + product[k + 1]) * (time[k + 1] - time[k]);
+            product = (0..n - 10).map(|k| (k..k + 10).map(interval).sum()).collect();
+        }
+        // Of vw-pd, theta5 multiplies v omega in the second equation.
+        let column = &rows[0].equations[1].columns[4];
+        assert_eq!(column.len(), product.len());
+        let worst = column.iter().zip(&product).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+        assert!(worst < 1e-11, "{worst:e}");
+    }
 }
 
 #[test]

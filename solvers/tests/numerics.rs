@@ -7,6 +7,7 @@ use proptest::prelude::*;
 use wheelwright_core::channel::Channel;
 use wheelwright_core::model::{Parameter, ParameterMap, RegressorModel, Sample};
 use wheelwright_core::regression::{Form, Pairing, Settings};
+use wheelwright_core::solver::SolveError;
 use wheelwright_solvers::triangle::Triangle;
 use wheelwright_solvers::{Hold, Quadratic};
 
@@ -176,7 +177,8 @@ fn invert(hold: &Hold, model: &dyn RegressorModel, apparent: &[f64]) -> Option<V
     let map = ParameterMap::identity(model.parameters());
     let exact = |map: &ParameterMap| {
         let right = DVector::from_column_slice(apparent) - DVector::from_column_slice(&map.offset);
-        Ok(DMatrix::from_row_slice(n, n, &map.matrix).lu().solve(&right).unwrap().as_slice().to_vec())
+        let solved = DMatrix::from_row_slice(n, n, &map.matrix).lu().solve(&right);
+        solved.map(|z| z.as_slice().to_vec()).ok_or_else(|| SolveError::Failed { reason: "singular".to_owned() })
     };
     hold.undo(&map, apparent, exact)
 }
