@@ -97,7 +97,7 @@ pub(crate) fn choose(messages: &[Message], topic: &str) -> Clocks {
     }
     let lag: Vec<(i64, i64)> = messages.iter().filter_map(|m| Some((m.log, m.log.saturating_sub(m.motion.stamp?)))).collect();
     let drift = Drift::of(&lag);
-    if drift.rate.abs() > SAME_RATE {
+    if drift.rate.abs() > SAME_RATE && drift.is_steady(&lag) {
         let mut pairs: Vec<(i64, i64)> = lag.iter().map(|(log, lag)| (*log, log.saturating_sub(*lag))).collect();
         make_nondecreasing(&mut pairs);
         let report = ClockReport { source: "header stamp".to_owned(), ..ClockReport::default() };
@@ -109,11 +109,9 @@ pub(crate) fn choose(messages: &[Message], topic: &str) -> Clocks {
         );
         return Clocks { map: ClockMap::Pairs(pairs), report, warning: Some(warning) };
     }
-    let rate = if (drift.rate * drift.span).abs() > CONSTANT_DRIFT { drift.rate } else { 0.0 };
+    let rate = if (drift.rate * drift.span).abs() > CONSTANT_DRIFT && drift.rate.abs() <= SAME_RATE { drift.rate } else { 0.0 };
     let origin = lag[0].0;
-    let mut rest: Vec<i64> =
-        lag.iter().map(|(log, lag)| lag.saturating_sub((rate * log.saturating_sub(origin) as f64).round() as i64)).collect();
-    rest.sort_unstable();
+    let rest = without_drift(&lag, rate);
     let spread = quantile(&rest, 0.95).saturating_sub(quantile(&rest, 0.05));
     let limit = STABLE_SPREAD.max(median_step(messages).saturating_mul(5));
     if spread > limit {
@@ -158,6 +156,22 @@ impl Drift {
         let rate = if between > 0.0 { last.1.saturating_sub(first.1) as f64 / between } else { 0.0 };
         Self { rate, span: lag[lag.len() - 1].0.saturating_sub(lag[0].0) as f64 }
     }
+
+    /// True if the line explains most of the change: the spread around it is less than half of what it drifts.
+    fn is_steady(&self, lag: &[(i64, i64)]) -> bool {
+        let rest = without_drift(lag, self.rate);
+        let spread = quantile(&rest, 0.95).saturating_sub(quantile(&rest, 0.05));
+        (spread as f64) < 0.5 * (self.rate * self.span).abs()
+    }
+}
+
+/// Sorted values of log − stamp \[ns\] with a drift of `rate` from the first message on taken out.
+fn without_drift(lag: &[(i64, i64)], rate: f64) -> Vec<i64> {
+    let origin = lag[0].0;
+    let mut rest: Vec<i64> =
+        lag.iter().map(|(log, lag)| lag.saturating_sub((rate * log.saturating_sub(origin) as f64).round() as i64)).collect();
+    rest.sort_unstable();
+    rest
 }
 
 /// Stamps that arrive out of order would make the mapping go back.

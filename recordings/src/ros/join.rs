@@ -73,9 +73,12 @@ fn driven(odom: &Topic, cmd: Option<&Topic>, warnings: &mut Vec<String>) -> Resu
     messages.sort_by_key(|m| m.log);
     refuse_frozen(odom, &messages)?;
     drop_repeats(&mut messages, &odom.name, warnings);
+    if clock::stamps_advance(&messages) {
+        refuse_restart(odom, &messages)?;
+    }
     let Clocks { map, report, warning } = clock::choose(&messages, &odom.name);
     warnings.extend(warning);
-    order_rows(&mut messages, &map, odom, warnings)?;
+    order_rows(&mut messages, &map, odom, warnings);
     if messages.len() < 2 {
         return Err(RecordingError::TooShort { rows: messages.len() }.into());
     }
@@ -134,22 +137,30 @@ fn drop_repeats(messages: &mut Vec<Message>, topic: &str, warnings: &mut Vec<Str
     }
 }
 
-/// Sorts messages by row time and drops equal times, of which the first message is kept.
-fn order_rows(messages: &mut Vec<Message>, map: &ClockMap, odom: &Topic, warnings: &mut Vec<String>) -> Result<(), ReadError> {
+/// Stamps that go back belong to two runs in one bag, on whichever clock their rows would be.
+fn refuse_restart(odom: &Topic, messages: &[Message]) -> Result<(), ReadError> {
     let mut highest = i64::MIN;
-    let mut late = 0;
-    for (number, message) in messages.iter().enumerate() {
-        let time = map.time_of(message);
-        if time < highest.saturating_sub(LATE) {
+    for (number, stamp) in messages.iter().filter_map(|m| m.motion.stamp).enumerate() {
+        if stamp < highest.saturating_sub(LATE) {
             return Err(malformed(
                 format!("topic `{}`, message {} in the order of log time", odom.name, number + 1),
                 format!(
                     "its stamp goes back from {:.9} s to {:.9} s: the clock was set or the simulation started anew; cut the bag there",
                     seconds(highest),
-                    seconds(time)
+                    seconds(stamp)
                 ),
             ));
         }
+        highest = highest.max(stamp);
+    }
+    Ok(())
+}
+
+/// Sorts messages by row time and drops equal times, of which the first message is kept.
+fn order_rows(messages: &mut Vec<Message>, map: &ClockMap, odom: &Topic, warnings: &mut Vec<String>) {
+    let mut highest = i64::MIN;
+    let mut late = 0;
+    for time in messages.iter().map(|m| map.time_of(m)) {
         late += usize::from(time < highest);
         highest = highest.max(time);
     }
@@ -163,7 +174,6 @@ fn order_rows(messages: &mut Vec<Message>, map: &ClockMap, odom: &Topic, warning
         let clock = if map.uses_stamps() { "stamp" } else { "log time" };
         warnings.push(format!("`{}`: {} message(s) with the {clock} of the one before were dropped", odom.name, before - messages.len()));
     }
-    Ok(())
 }
 
 /// Measured velocities, and the pose where the publisher fills it in.

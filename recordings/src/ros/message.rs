@@ -45,12 +45,12 @@ impl Kind {
             let [x, y, _] = wire.f64s()?;
             let orientation = wire.f64s()?;
             motion.pose = Pose { x, y, yaw: yaw(orientation) };
-            wire.f64s::<36>()?;
+            wire.skip_f64s::<36>()?;
         }
         let [v, _, _, _, _, omega] = wire.f64s()?;
         (motion.v, motion.omega) = (v, omega);
         if self == Self::Odometry {
-            wire.f64s::<36>()?;
+            wire.skip_f64s::<36>()?;
         }
         wire.end()?;
         Ok(motion)

@@ -113,6 +113,17 @@ impl<'a> Wire<'a> {
         Ok(values)
     }
 
+    /// Passes over `N` of them.
+    pub(crate) fn skip_f64s<const N: usize>(&mut self) -> Result<(), WireError> {
+        self.f64()?;
+        let rest = (N - 1) * size_of::<f64>();
+        if rest > self.bytes.len() - self.at {
+            return Err(WireError::Short { at: self.at, needed: rest, len: self.bytes.len() });
+        }
+        self.at += rest;
+        Ok(())
+    }
+
     /// Passes over a text.
     pub(crate) fn skip_text(&mut self) -> Result<(), WireError> {
         let length = self.u32()? as usize;
@@ -144,5 +155,65 @@ impl<'a> Wire<'a> {
         let left = self.bytes.len() - self.at;
         let padding = if self.encoding == Encoding::Cdr { 7 } else { 0 };
         if left > padding { Err(WireError::LeftOver { left }) } else { Ok(()) }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::message::{Kind, Pose};
+    use super::*;
+    use proptest::prelude::*;
+
+    /// `rosbags.typesys.get_typestore(Stores.ROS2_HUMBLE).serialize_cdr(TwistStamped(...), little_endian=False)` with stamp
+    /// 3.000000007 s, frame `ab`, linear.x 1.5, angular.z -0.25.
+    const STAMPED_BIG_ENDIAN: &str = "00000000000000030000000700000003616200003ff80000000000000000000000000000000000000000000000000000000000000000000000000000bfd0000000000000";
+
+    fn bytes(hex: &str) -> Vec<u8> {
+        (0..hex.len()).step_by(2).map(|i| u8::from_str_radix(&hex[i..i + 2], 16).unwrap()).collect()
+    }
+
+    #[test]
+    fn big_endian_messages_of_another_writer_are_read() {
+        let motion = Kind::TwistStamped.decode(Encoding::Cdr, &bytes(STAMPED_BIG_ENDIAN)).unwrap();
+        assert_eq!((motion.stamp, motion.v, motion.omega), (Some(3_000_000_007), 1.5, -0.25));
+        assert_eq!(motion.pose, Pose::default());
+    }
+
+    #[test]
+    fn other_encapsulations_are_refused_by_name() {
+        for (second, name) in [(3, "parameter list"), (6, "XCDR2"), (11, "XCDR2"), (77, "unknown")] {
+            let error = Kind::Twist.decode(Encoding::Cdr, &[0, second, 0, 0, 1, 2, 3, 4]).unwrap_err().to_string();
+            assert!(error.contains(&format!("encapsulation 00 {second:02x} ({name}) is not read")), "{error}");
+        }
+    }
+
+    #[test]
+    fn messages_cut_at_any_byte_and_longer_ones_are_refused() {
+        let whole = bytes(STAMPED_BIG_ENDIAN);
+        for cut in 0..whole.len() {
+            assert!(matches!(Kind::TwistStamped.decode(Encoding::Cdr, &whole[..cut]), Err(WireError::Short { .. })), "{cut}");
+        }
+        let longer = [whole, vec![0; 8]].concat();
+        assert_eq!(Kind::TwistStamped.decode(Encoding::Cdr, &longer), Err(WireError::LeftOver { left: 8 }));
+        assert_eq!(Kind::Twist.decode(Encoding::Ros1, &[0; 49]), Err(WireError::LeftOver { left: 1 }));
+    }
+
+    #[test]
+    fn a_text_that_claims_to_be_huge_is_refused() {
+        let mut message = bytes(STAMPED_BIG_ENDIAN);
+        message[12..16].copy_from_slice(&u32::MAX.to_be_bytes());
+        let error = Kind::TwistStamped.decode(Encoding::Cdr, &message).unwrap_err();
+        assert!(matches!(error, WireError::Short { needed: 0xffff_ffff, .. }), "{error}");
+    }
+
+    proptest! {
+        #[test]
+        fn no_bytes_panic(first in 0u8..2, second in 0u8..3, rest in prop::collection::vec(any::<u8>(), 0..900)) {
+            let message = [&[first, second, 0, 0], rest.as_slice()].concat();
+            for kind in [Kind::Twist, Kind::TwistStamped, Kind::Odometry] {
+                let _any = kind.decode(Encoding::Cdr, &message);
+                let _any = kind.decode(Encoding::Ros1, &message);
+            }
+        }
     }
 }
