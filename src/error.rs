@@ -69,6 +69,14 @@ pub enum Error {
     /// A plugin could not be loaded or broke its contract.
     #[error(transparent)]
     Plugin(#[from] PluginError),
+    /// A library's robot or model broke a promise; what it was stands in the result.
+    #[error("plugin {}: \"{name}\" does not conform", .library.display())]
+    Nonconforming {
+        /// The library.
+        library: PathBuf,
+        /// Robot or model.
+        name: String,
+    },
     /// A gate given with `--require` or `--fail-on` was not passed.
     #[error("gate failed: {0}")]
     Gate(String),
@@ -87,7 +95,7 @@ impl Error {
             Self::Connect(RobotError::Config { .. }) => 2,
             Self::Drive { error, .. } => drive_status(&error.fault),
             Self::Plugin(error) if !error.is_plugin_failure() => 2,
-            Self::Connect(_) | Self::Plugin(_) => 5,
+            Self::Connect(_) | Self::Plugin(_) | Self::Nonconforming { .. } => 5,
             Self::Gate(_) => 4,
             _ => 1,
         }

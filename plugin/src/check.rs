@@ -18,7 +18,6 @@ use crate::registry::{Kind, Registry, is_type};
 
 /// How one robot or model did.
 #[derive(Debug, Clone, PartialEq, Eq)]
-#[non_exhaustive]
 pub enum Outcome {
     /// Every promise was kept.
     Kept,

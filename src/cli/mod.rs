@@ -12,12 +12,17 @@ mod simulate;
 mod text;
 
 use std::path::PathBuf;
+use std::time::Duration;
 
 use clap::{Args, Parser, Subcommand};
+use wheelwright_plugin::watch_models;
 
 use crate::documents;
 use crate::error::Error;
 use console::Console;
+
+/// A model plugin answers within microseconds; one that is silent for this long hangs.
+const MODEL_CALL: Duration = Duration::from_secs(20);
 
 /// Learns the dynamics of wheeled mobile robots from recordings.
 #[derive(Debug, Parser)]
@@ -80,6 +85,10 @@ pub fn main() -> u8 {
         }
     };
     let console = Console::new(cli.shared.json, cli.shared.quiet);
+    watch_models(MODEL_CALL, |model| {
+        Console::new(false, false).error(&format!("model plugin `{model}` has not returned from a call; the program ends"));
+        wheelwright_plugin::exit(5);
+    });
     let outcome = match &cli.command {
         Command::Run(arguments) => run::run(arguments, &cli.shared, &console),
         Command::Identify(arguments) => identify::run(arguments, &cli.shared, &console),
@@ -96,9 +105,9 @@ pub fn main() -> u8 {
     }
 }
 
-/// A gate fails after its result was printed; any other failure is the one document that `--json` promises.
+/// Failures whose result was printed keep it; any other failure is the one document that `--json` promises.
 fn report_failure(error: &Error, console: &Console) {
-    if !matches!(error, Error::Gate(_)) {
+    if !matches!(error, Error::Gate(_) | Error::Nonconforming { .. }) {
         console.document(&documents::error(error));
     }
     console.error(&error.to_string());

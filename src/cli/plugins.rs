@@ -1,7 +1,11 @@
-//! `plugins`: what can be named in a configuration.
+//! `plugins`: what can be named in a configuration; `plugins check`: whether a library keeps its promises.
 
-use clap::Args;
+use std::path::{Path, PathBuf};
+
+use clap::{Args, Subcommand};
 use serde_json::{Value, json};
+use wheelwright_plugin::check::{Checked, Outcome, Report, check};
+use wheelwright_plugin::{Library, PluginEntry};
 
 use super::Shared;
 use super::console::Console;
@@ -10,9 +14,29 @@ use crate::error::Error;
 use crate::registry::{Entry, KINDS};
 
 #[derive(Debug, Args)]
-pub(super) struct Arguments {}
+pub(super) struct Arguments {
+    #[command(subcommand)]
+    action: Option<Action>,
+}
 
-pub(super) fn run(_: &Arguments, shared: &Shared, console: &Console) -> Result<(), Error> {
+#[derive(Debug, Subcommand)]
+enum Action {
+    /// Open everything a shared library offers and run the conformance checks; it connects robots and commands them to stand
+    Check {
+        /// Shared library
+        #[arg(value_name = "PATH")]
+        path: PathBuf,
+    },
+}
+
+pub(super) fn run(arguments: &Arguments, shared: &Shared, console: &Console) -> Result<(), Error> {
+    match &arguments.action {
+        None => list(shared, console),
+        Some(Action::Check { path }) => check_library(path, shared, console),
+    }
+}
+
+fn list(shared: &Shared, console: &Console) -> Result<(), Error> {
     let registry = Setup::load(shared)?.registry;
     let mut document = json!({ "schema": "wheelwright.plugins/1" });
     let mut text = String::new();
@@ -32,4 +56,33 @@ fn line(entry: &Entry) -> String {
 
 fn entry(entry: &Entry) -> Value {
     json!({ "name": entry.name, "about": entry.about, "source": entry.source })
+}
+
+/// Robots and models that need settings take them from the configuration's `[robot]` and `[model]`.
+fn check_library(path: &Path, shared: &Shared, console: &Console) -> Result<(), Error> {
+    let setup = Setup::load(shared)?;
+    let settings: Vec<_> = [&setup.config.sections.robot, &setup.config.sections.model].into_iter().flatten().cloned().collect();
+    let report = check(Library::load(Path::new(""), &PluginEntry::new(path))?, &settings)?;
+    console.document(&checked_document(&report));
+    console.result(&report.to_string());
+    match report.checked.iter().find(|c| matches!(c.outcome, Outcome::Broken(_))) {
+        None => Ok(()),
+        Some(broken) => Err(Error::Nonconforming { library: path.to_owned(), name: broken.name.clone() }),
+    }
+}
+
+fn checked_document(report: &Report) -> Value {
+    let outcome = |c: &Checked| match &c.outcome {
+        Outcome::Kept => json!({ "outcome": "ok" }),
+        Outcome::NeedsSettings(reason) => json!({ "outcome": "needs-settings", "reasons": [reason] }),
+        Outcome::Broken(reasons) => json!({ "outcome": "broken", "reasons": reasons }),
+    };
+    let checked = report.checked.iter().map(|c| {
+        let mut document = json!({ "kind": c.kind.word(), "name": c.name, "about": c.about });
+        if let (Value::Object(all), Value::Object(outcome)) = (&mut document, outcome(c)) {
+            all.extend(outcome);
+        }
+        document
+    });
+    json!({ "schema": "wheelwright.plugins-check/1", "library": report.library, "checked": checked.collect::<Vec<_>>() })
 }
