@@ -32,7 +32,25 @@
 
   const value = (u, v) => (v == null ? "" : minus(String(+v.toPrecision(4))));
 
-  const paths = { line: uPlot.paths.linear(), step: uPlot.paths.stepped({ align: 1 }), points: () => null };
+  // A line, or steps, lifted where there is no value: nothing is drawn across a break, however narrow.
+  const pen = (stepped) => (u, index, from, to) => {
+    const stroke = new Path2D();
+    const [x, y] = [u.data[0], u.data[index]];
+    let held = null;
+    for (let i = from; i <= to; i++) {
+      if (y[i] == null) {
+        held = null;
+        continue;
+      }
+      const [left, top] = [u.valToPos(x[i], "x", true), u.valToPos(y[i], "y", true)];
+      if (held == null) stroke.moveTo(left, top);
+      else if (stepped) stroke.lineTo(left, held);
+      stroke.lineTo(left, top);
+      held = top;
+    }
+    return { stroke, fill: null, clip: null, flags: 1 };
+  };
+  const paths = { line: pen(false), step: pen(true), points: () => null };
 
   function series(s) {
     const ink = colour(s.role);
@@ -101,9 +119,13 @@
     for (const panel of plot.panels) for (const s of panel.series) if (!s.line) s.values = [null, ...s.values, null];
   }
 
-  // The range of what is in view, but not beyond the limits.
-  const within = ([low, high]) => (u, min, max) =>
-    min == null ? [null, null] : uPlot.rangeNum(Math.min(Math.max(min, low), high), Math.max(Math.min(max, high), low), 0.1, true);
+  // The range of what is in view, but not beyond the limits; a constant gets room on both sides.
+  const within = ([low, high]) => (u, min, max) => {
+    if (min == null) return [null, null];
+    const [from, to] = [Math.min(Math.max(min, low), high), Math.max(Math.min(max, high), low)];
+    const room = from === to ? 0.1 * Math.abs(from) || 1 : 0;
+    return uPlot.rangeNum(from - room, to + room, 0.1, true);
+  };
 
   function build(figure, width, tall = 1) {
     const { plot, cloud, holder, key } = figure;
@@ -122,7 +144,7 @@
       const options = {
         width, height: tall * panel.height + (last ? 26 : 0),
         padding: [10, 10, 0, 0],
-        scales: { x: { time: false, distr: plot.x.log ? 3 : 1 }, y: { distr: panel.y.log ? 3 : 1, ...(panel.limits && { range: within(panel.limits) }) } },
+        scales: { x: { time: false, distr: plot.x.log ? 3 : 1 }, y: panel.y.log ? { distr: 3 } : { range: within(panel.limits || [-Infinity, Infinity]) } },
         axes: [
           { ...axis(plot.x), size: 30, labelSize: 20, space: narrow ? 45 : 60, ...(last ? {} : { label: null, size: 12, values: (u, s) => s.map(() => "") }) },
           { ...axis(panel.y), size: 54, labelSize: 18, space: panel.height < 180 ? 20 : 28 },
