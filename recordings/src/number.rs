@@ -1,11 +1,14 @@
 //! Decimal numbers in text, read at memory speed where that is exact, and what is wrong with a cell that is none.
 
 /// Powers of ten that a double holds exactly.
-const EXACT_POWERS: [f64; 23] =
+static EXACT_POWERS: [f64; 23] =
     [1e0, 1e1, 1e2, 1e3, 1e4, 1e5, 1e6, 1e7, 1e8, 1e9, 1e10, 1e11, 1e12, 1e13, 1e14, 1e15, 1e16, 1e17, 1e18, 1e19, 1e20, 1e21, 1e22];
 
 /// Powers of ten by which a run of up to eight digits shifts what stands before it.
-const POWERS: [u64; 9] = [1, 10, 100, 1_000, 10_000, 100_000, 1_000_000, 10_000_000, 100_000_000];
+static POWERS: [u64; 9] = [1, 10, 100, 1_000, 10_000, 100_000, 1_000_000, 10_000_000, 100_000_000];
+
+/// Digits that an unsigned 64-bit integer holds whatever they are.
+const MOST_DIGITS: usize = 19;
 
 /// Integers up to here are doubles.
 const EXACT_INTEGER: u64 = 1 << 53;
@@ -13,11 +16,12 @@ const EXACT_INTEGER: u64 = 1 << 53;
 /// Reads a decimal number at the start of `bytes`; returns it with its length, or nothing if there is none.
 ///
 /// Where mantissa and power of ten are both doubles one multiplication or division rounds correctly (Clinger, "How to read
-/// floating point numbers accurately", 1990); the standard library reads the rest. The caller checks what follows.
+/// floating point numbers accurately", 1990), and so does one long division of integers for numbers of up to nineteen digits;
+/// the standard library reads the rest. The caller checks what follows.
 pub(crate) fn leading(bytes: &[u8]) -> Option<(f64, usize)> {
     let negative = bytes.first() == Some(&b'-');
     let start = usize::from(negative);
-    let (mut mantissa, whole_end) = digits(bytes, start, 0);
+    let (mut mantissa, whole_end) = few_digits(bytes, start, 0);
     let mut end = whole_end;
     let mut count = whole_end - start;
     let mut exponent = 0i32;
@@ -37,14 +41,41 @@ pub(crate) fn leading(bytes: &[u8]) -> Option<(f64, usize)> {
         exponent += power;
         end = power_end;
     }
-    // Nineteen digits fit an unsigned 64-bit integer.
-    if count <= 19 && mantissa <= EXACT_INTEGER && exponent.unsigned_abs() <= 22 {
-        let factor = EXACT_POWERS[exponent.unsigned_abs() as usize];
-        let size = if exponent < 0 { mantissa as f64 / factor } else { mantissa as f64 * factor };
+    if let Some(size) = exact(mantissa, exponent).filter(|_| count - leading_zeros(bytes, start, count) <= MOST_DIGITS) {
         return Some((if negative { -size } else { size }, end));
     }
     let value: f64 = std::str::from_utf8(&bytes[..end]).ok()?.parse().ok()?;
     value.is_finite().then_some((value, end))
+}
+
+/// `mantissa` times ten to the `exponent`, correctly rounded; nothing where that takes longer arithmetic.
+#[inline]
+fn exact(mantissa: u64, exponent: i32) -> Option<f64> {
+    let power = exponent.unsigned_abs() as usize;
+    if mantissa <= EXACT_INTEGER && power < EXACT_POWERS.len() {
+        let factor = EXACT_POWERS[power];
+        return Some(if exponent < 0 { mantissa as f64 / factor } else { mantissa as f64 * factor });
+    }
+    (exponent < 0 && power <= MOST_DIGITS).then(|| quotient(mantissa, 10u64.pow(exponent.unsigned_abs())))
+}
+
+/// A quotient of integers other than zero, correctly rounded.
+///
+/// Both are shifted until their top bits are set, so that the whole part of 2⁶³ m / d has at least 62 bits. A remainder only
+/// decides ties, for which the lowest bit speaks; the conversion to a double rounds once and the power of two is exact.
+fn quotient(mantissa: u64, divisor: u64) -> f64 {
+    let (shift_m, shift_d) = (mantissa.leading_zeros(), divisor.leading_zeros());
+    let (m, d) = (u128::from(mantissa << shift_m) << 63, u128::from(divisor << shift_d));
+    let whole = (m / d) as u64 | u64::from(m % d != 0);
+    let exponent = 1023 - 63 + u64::from(shift_d) - u64::from(shift_m);
+    whole as f64 * f64::from_bits(exponent << 52)
+}
+
+/// How many of the digits are zeros that stand before any other; looked at only where there are too many digits.
+#[inline]
+fn leading_zeros(bytes: &[u8], start: usize, count: usize) -> usize {
+    let zeros = || bytes[start..].iter().take_while(|b| matches!(b, b'0' | b'.')).filter(|b| **b == b'0').count();
+    if count > MOST_DIGITS { zeros() } else { 0 }
 }
 
 /// Appends the digits at `start` to `mantissa`; returns it with where they end. Wraps beyond nineteen digits.
@@ -59,6 +90,13 @@ fn digits(bytes: &[u8], start: usize, mantissa: u64) -> (u64, usize) {
             return (value, end);
         }
     }
+    few_digits(bytes, end, value)
+}
+
+/// As [`digits`], one by one: quicker for the few digits before a decimal point.
+#[inline]
+fn few_digits(bytes: &[u8], start: usize, mantissa: u64) -> (u64, usize) {
+    let (mut value, mut end) = (mantissa, start);
     while let Some(digit) = bytes.get(end).map(|b| b.wrapping_sub(b'0')).filter(|d| *d < 10) {
         value = value.wrapping_mul(10).wrapping_add(u64::from(digit));
         end += 1;
@@ -91,7 +129,7 @@ fn eight_digits(characters: u64) -> (u64, usize) {
 /// The signed integer after an `e`, with its end; nothing for more than four digits.
 fn power(bytes: &[u8], start: usize) -> Option<(i32, usize)> {
     let sign = usize::from(matches!(bytes.get(start), Some(b'-' | b'+')));
-    let (value, end) = digits(bytes, start + sign, 0);
+    let (value, end) = few_digits(bytes, start + sign, 0);
     let length = end - start - sign;
     let value = if (1..=4).contains(&length) { i32::try_from(value).ok()? } else { return None };
     Some((if bytes.get(start) == Some(&b'-') { -value } else { value }, end))
