@@ -18,16 +18,28 @@ impl Header {
     pub(super) fn find(head: &[u8]) -> Option<Self> {
         let mut start = if head.starts_with(b"\xef\xbb\xbf") { 3 } else { 0 };
         let mut lines = 0;
+        let mut comment: &[u8] = &[];
         while start < head.len() {
             let end = head[start..].iter().position(|&b| b == b'\n').map_or(head.len(), |n| start + n + 1);
             let line = head[start..end].trim_ascii();
             lines += 1;
-            if !line.is_empty() && !line.starts_with(b"#") {
-                return Self::parse(line, end, lines);
+            match line.strip_prefix(b"#") {
+                Some(text) => comment = text.trim_ascii(),
+                None if line.is_empty() => {}
+                None => return Self::parse(line, end, lines).or_else(|| Self::commented(comment, line, start, lines - 1)),
             }
             start = end;
         }
         None
+    }
+
+    /// A header in the comment before the first row, as `numpy.savetxt` writes it: it names `t` and has as many names as the
+    /// row has numbers.
+    fn commented(comment: &[u8], row: &[u8], length: usize, lines: u64) -> Option<Self> {
+        let header = Self::parse(comment, length, lines)?;
+        let cells = split(row, header.delimiter)?;
+        let numbers = cells.iter().all(|cell| crate::number::cell(cell).is_ok());
+        (numbers && cells.len() == header.names.len() && header.names.iter().any(|name| name == "t")).then_some(header)
     }
 
     fn parse(line: &[u8], length: usize, lines: u64) -> Option<Self> {
@@ -97,6 +109,14 @@ mod tests {
         assert_eq!((header.delimiter, header.lines), (b',', 3));
         assert_eq!(names("t;v;omega\n").unwrap().1, b';');
         assert_eq!(names("t\tv\n").unwrap().1, b'\t');
+    }
+
+    #[test]
+    fn a_commented_header_names_the_columns_if_it_fits_the_first_row() {
+        let header = Header::find(b"# made by hand, today\n# t,v\n0.0,1.0\n").unwrap();
+        assert_eq!((header.names.len(), header.lines, header.length), (2, 2, 28));
+        assert_eq!(names("# t,v,omega\n0.0,1.0\n"), None);
+        assert_eq!(names("# made by hand, today\n0.0,1.0\n"), None);
     }
 
     #[test]
