@@ -9,14 +9,18 @@
 //! ([`model`]), the traits of everything around it ([`recording`], [`robot`], [`excitation`], [`solver`]) and what needs
 //! no file format, wire or plugin: signal conditioning, free-run simulation, identification and validation.
 
+pub mod agreement;
 pub mod channel;
 pub mod config;
 pub mod conformance;
 pub mod dataset;
 pub mod drive;
 pub mod excitation;
+pub mod identifiability;
 pub mod identification;
+mod local;
 pub mod model;
+mod noise;
 pub mod profile;
 pub mod recording;
 pub mod regression;

@@ -1,0 +1,563 @@
+//! The free run about a point: errors, how they change with every unknown, and a quick fit.
+//!
+//! Unknown are the free parameters z, pure delays of inputs where a caller asks for them, and as nuisance the outputs at the
+//! start of every stretch. The latter act on their own stretch only and are projected out of it. This serves the judgements
+//! made before and beside a fit; the fit itself, with bounds, intervals and several starts, is a solver's.
+
+use std::borrow::Cow;
+
+use nalgebra::{DMatrix, DVector};
+
+use crate::dataset::{Dataset, Stretch};
+use crate::model::{ModelError, ParameterMap, RegressorModel, Sample};
+use crate::noise::Autoregression;
+use crate::regression::{self, Form, Settings};
+use crate::simulation::{DIFFERENCE, Direction, Simulator};
+use crate::solver::SolveError;
+
+/// Window of the integral regression that starts the fit \[s\].
+const WINDOW_S: f64 = 1.0;
+/// Columns whose norm is this small a share of the largest carry rounding only.
+const RANK: f64 = 1e-7;
+/// Steps of the quick fit, and halvings of one.
+const ITERATIONS: usize = 12;
+const HALVINGS: usize = 8;
+
+/// A free run with its unknowns.
+#[derive(Debug)]
+pub(crate) struct FreeRun<'a> {
+    pub(crate) model: &'a dyn RegressorModel,
+    pub(crate) map: &'a ParameterMap,
+    pub(crate) data: &'a Dataset,
+    /// Which delay shifts each input; `None` for an input that is not delayed.
+    axes: Vec<Option<usize>>,
+    max_step: f64,
+}
+
+/// Values of the unknowns.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Point {
+    pub(crate) z: Vec<f64>,
+    pub(crate) delays: Vec<f64>,
+    /// Outputs at the start of each stretch.
+    pub(crate) starts: Vec<Vec<f64>>,
+}
+
+/// One stretch about a point, everything divided by the noise of its output; rows are those of output 0, then of output 1, ….
+#[derive(Debug)]
+pub(crate) struct Block {
+    /// Measured minus simulated.
+    pub(crate) error: DVector<f64>,
+    /// d simulated / d (z, delays).
+    pub(crate) columns: DMatrix<f64>,
+    /// d simulated / d start.
+    starts: DMatrix<f64>,
+}
+
+/// All stretches about a point with the starts projected out.
+#[derive(Debug)]
+pub(crate) struct Local {
+    pub(crate) blocks: Vec<Block>,
+    /// Upper triangle of \[columns | error\] over all stretches.
+    pub(crate) triangle: DMatrix<f64>,
+}
+
+impl<'a> FreeRun<'a> {
+    /// `axes[i]` says which delay shifts input i.
+    pub(crate) fn new(model: &'a dyn RegressorModel, map: &'a ParameterMap, data: &'a Dataset, axes: Vec<Option<usize>>) -> Self {
+        Self { model, map, data, axes, max_step: f64::INFINITY }
+    }
+
+    fn simulator(&self, z: &[f64]) -> Result<Simulator<'a>, ModelError> {
+        let simulator = Simulator::new(self.model, &self.map.theta(z))?;
+        Ok(if self.max_step.is_finite() { simulator.with_max_step(self.max_step) } else { simulator })
+    }
+
+    /// Fixes the step for the parameters of a point, so that runs near it differ smoothly.
+    pub(crate) fn fix_step(&mut self, z: &[f64]) -> Result<(), ModelError> {
+        self.max_step = f64::INFINITY;
+        let mut simulator = self.simulator(z)?;
+        let mut step = f64::INFINITY;
+        for stretch in &self.data.stretches {
+            step = step.min(simulator.chosen_step(stretch)?);
+        }
+        self.max_step = step;
+        Ok(())
+    }
+
+    /// A point with the measured starts.
+    pub(crate) fn point(&self, z: Vec<f64>, delays: Vec<f64>) -> Point {
+        let starts = self.data.stretches.iter().map(|s| s.outputs.iter().map(|c| c[0]).collect()).collect();
+        Point { z, delays, starts }
+    }
+
+    /// Simulated outputs of every stretch.
+    pub(crate) fn simulate(&self, point: &Point) -> Result<Vec<Vec<Vec<f64>>>, ModelError> {
+        let mut simulator = self.simulator(&point.z)?;
+        let run = |(stretch, start): (&Stretch, &Vec<f64>)| self.run(&mut simulator, stretch, start, &point.delays);
+        self.data.stretches.iter().zip(&point.starts).map(run).collect()
+    }
+
+    fn run(&self, simulator: &mut Simulator<'_>, stretch: &Stretch, start: &[f64], delays: &[f64]) -> Result<Vec<Vec<f64>>, ModelError> {
+        let (driven, rows) = delayed(stretch, &self.axes, delays);
+        let mut simulated = vec![Vec::new(); start.len()];
+        simulator.run(&driven, start, &mut simulated)?;
+        Ok(simulated.into_iter().map(|column| pick(column, &rows)).collect())
+    }
+
+    /// Root mean square error of each output at a point.
+    pub(crate) fn noise(&self, point: &Point) -> Result<Vec<f64>, ModelError> {
+        let simulated = self.simulate(point)?;
+        let samples = self.data.samples() as f64;
+        let of = |i: usize| {
+            let pairs = self.data.stretches.iter().zip(&simulated).flat_map(|(s, run)| s.outputs[i].iter().zip(&run[i]));
+            let (error, size) = pairs.fold((0.0, 0.0), |(e, s), (y, x)| (e + (y - x).powi(2), s + y * y));
+            // Data without noise: rounding stands for it. An output that is zero throughout has no scale of its own.
+            let floor = 1e-9 * (size / samples).sqrt();
+            let sigma = (error / samples).sqrt().max(floor);
+            if sigma > 0.0 { sigma } else { 1.0 }
+        };
+        Ok((0..self.data.outputs.len()).map(of).collect())
+    }
+
+    /// Sum of squared errors in units of `sigma`; infinite where it cannot be simulated.
+    pub(crate) fn cost(&self, point: &Point, sigma: &[f64]) -> f64 {
+        let Ok(simulated) = self.simulate(point) else { return f64::INFINITY };
+        let mut sum = 0.0;
+        for (stretch, run) in self.data.stretches.iter().zip(&simulated) {
+            for ((y, x), s) in stretch.outputs.iter().zip(run).zip(sigma) {
+                sum += y.iter().zip(x).map(|(y, x)| ((y - x) / s).powi(2)).sum::<f64>();
+            }
+        }
+        if sum.is_finite() { sum } else { f64::INFINITY }
+    }
+
+    /// Errors and their derivatives about a point.
+    pub(crate) fn linearise(&self, point: &Point, sigma: &[f64]) -> Result<Local, ModelError> {
+        let theta = self.map.theta(&point.z);
+        let free = point.z.len();
+        let sizes = plausible(self.model, self.data, &theta);
+        let directions: Vec<Direction> = (0..free).map(|j| direction(self.map, j, &sizes)).collect();
+        let shift = DIFFERENCE.sqrt() * self.data.period();
+        let mut simulator = self.simulator(&point.z)?;
+        let mut blocks = Vec::with_capacity(self.data.stretches.len());
+        for (stretch, start) in self.data.stretches.iter().zip(&point.starts) {
+            let (driven, rows) = delayed(stretch, &self.axes, &point.delays);
+            let simulated = self.run(&mut simulator, stretch, start, &point.delays)?;
+            let found = simulator.sensitivities(&driven, start, &directions)?;
+            let mut columns: Vec<Vec<Vec<f64>>> =
+                found.parameters.into_iter().map(|by_output| by_output.into_iter().map(|c| pick(c, &rows)).collect()).collect();
+            for axis in 0..point.delays.len() {
+                let mut side = |sign: f64| {
+                    let mut delays = point.delays.clone();
+                    delays[axis] += sign * shift;
+                    self.run(&mut simulator, stretch, start, &delays)
+                };
+                let (up, down) = (side(1.0)?, side(-1.0)?);
+                let slope = |(u, d): (&Vec<f64>, &Vec<f64>)| u.iter().zip(d).map(|(u, d)| (u - d) / (2.0 * shift)).collect();
+                columns.push(up.iter().zip(&down).map(slope).collect());
+            }
+            let starts: Vec<Vec<Vec<f64>>> =
+                found.initial.into_iter().map(|by_output| by_output.into_iter().map(|c| pick(c, &rows)).collect()).collect();
+            let error: Vec<Vec<f64>> =
+                stretch.outputs.iter().zip(&simulated).map(|(y, x)| y.iter().zip(x).map(|(y, x)| y - x).collect()).collect();
+            let stacked = |columns: &[Vec<Vec<f64>>]| {
+                let values = columns.iter().flat_map(|c| c.iter().zip(sigma).flat_map(|(c, s)| c.iter().map(move |x| x / s)));
+                DMatrix::from_iterator(stretch.len() * sigma.len(), columns.len(), values)
+            };
+            let error = DVector::from_column_slice(stacked(std::slice::from_ref(&error)).as_slice());
+            blocks.push(Block { error, columns: stacked(&columns), starts: stacked(&starts) });
+        }
+        Ok(Local::new(blocks, free + point.delays.len()))
+    }
+
+    /// One damped Gauss-Newton step; the new point with its cost, or `None` where no step lowers it.
+    fn step(&self, point: &Point, local: &Local, sigma: &[f64], cost: f64) -> Option<(Point, f64)> {
+        let (dp, dstarts) = local.newton();
+        let mut share = 1.0;
+        for _ in 0..HALVINGS {
+            let mut trial = point.clone();
+            for (x, d) in trial.z.iter_mut().chain(&mut trial.delays).zip(dp.iter()) {
+                *x += share * d;
+            }
+            for (start, d) in trial.starts.iter_mut().zip(&dstarts) {
+                start.iter_mut().zip(d.iter()).for_each(|(x, d)| *x += share * d);
+            }
+            let reached = self.cost(&trial, sigma);
+            if reached < cost {
+                return Some((trial, reached));
+            }
+            share *= 0.5;
+        }
+        None
+    }
+
+    /// Least squares on the free-run error from a point, outputs weighted by their own error: the point and its noise.
+    pub(crate) fn fit(&mut self, mut point: Point) -> Result<(Point, Vec<f64>), ModelError> {
+        self.fix_step(&point.z)?;
+        let mut sigma = self.noise(&point)?;
+        for _ in 0..ITERATIONS {
+            let cost = self.cost(&point, &sigma);
+            let local = self.linearise(&point, &sigma)?;
+            let Some((next, reached)) = self.step(&point, &local, &sigma, cost) else { break };
+            point = next;
+            sigma = self.noise(&point)?;
+            if cost - reached < 1e-6 * cost {
+                break;
+            }
+        }
+        Ok((point, sigma))
+    }
+}
+
+impl Local {
+    fn new(blocks: Vec<Block>, unknowns: usize) -> Self {
+        let mut triangle = DMatrix::zeros(0, unknowns + 1);
+        for block in &blocks {
+            let (columns, error) = block.projected();
+            let mut stacked = triangle.clone().resize_vertically(triangle.nrows() + columns.nrows(), 0.0);
+            stacked.view_mut((triangle.nrows(), 0), columns.shape()).copy_from(&columns);
+            stacked.view_mut((triangle.nrows(), unknowns), (error.len(), 1)).copy_from(&error);
+            triangle = stacked.qr().r();
+        }
+        Self { blocks, triangle }
+    }
+
+    /// Number of unknowns besides the starts.
+    pub(crate) fn unknowns(&self) -> usize {
+        self.triangle.ncols() - 1
+    }
+
+    /// Step to the least squares solution of the linearised problem, and that of each stretch's start.
+    fn newton(&self) -> (DVector<f64>, Vec<DVector<f64>>) {
+        let p = self.unknowns();
+        let rows = self.triangle.nrows().min(p);
+        let (r, e) = (self.triangle.view((0, 0), (rows, p)), self.triangle.view((0, p), (rows, 1)));
+        let step = scaled_solve(&r.into_owned(), &e.column(0).into_owned());
+        let starts = self.blocks.iter().map(|b| scaled_solve(&b.starts, &(&b.error - &b.columns * &step))).collect();
+        (step, starts)
+    }
+
+    /// Covariance of the unknowns when the error of each output is the noise `ar` (in units of its standard deviation), by the
+    /// sandwich (JᵀJ)⁻¹ Jᵀ R J (JᵀJ)⁻¹; directions that the data do not show are left out.
+    pub(crate) fn covariance(&self, ar: &[Autoregression]) -> DMatrix<f64> {
+        let p = self.unknowns();
+        let mut middle = DMatrix::zeros(p, p);
+        for block in &self.blocks {
+            let (columns, _) = block.projected();
+            let rows = columns.nrows() / ar.len();
+            for (i, ar) in ar.iter().enumerate() {
+                let mut part = columns.rows(i * rows, rows).into_owned();
+                ar.adjoint_all(&mut part);
+                middle += ar.innovation * part.tr_mul(&part);
+            }
+        }
+        let inverse = self.inverse();
+        &inverse * middle * &inverse
+    }
+
+    /// (JᵀJ)⁻¹ without the directions that the data do not show.
+    fn inverse(&self) -> DMatrix<f64> {
+        let (scale, values, vectors) = self.directions();
+        let p = self.unknowns();
+        let mut inverse = DMatrix::zeros(p, p);
+        for (s, v) in values.iter().zip(vectors.row_iter()).filter(|(s, _)| **s > RANK * values[0]) {
+            let direction = DVector::from_fn(p, |j, _| if scale[j] > 0.0 { v[j] / (scale[j] * s) } else { 0.0 });
+            inverse += &direction * direction.transpose();
+        }
+        inverse
+    }
+
+    /// Norm of each column, then singular values (descending) and right singular vectors (rows) of the columns scaled to norm one.
+    pub(crate) fn directions(&self) -> (Vec<f64>, Vec<f64>, DMatrix<f64>) {
+        let p = self.unknowns();
+        let mut r = self.triangle.view((0, 0), (self.triangle.nrows().min(p), p)).into_owned();
+        let scale: Vec<f64> = r.column_iter().map(|c| c.norm()).collect();
+        for (mut column, s) in r.column_iter_mut().zip(&scale) {
+            if *s > 0.0 {
+                column /= *s;
+            }
+        }
+        // Rows of zeros make the decomposition return all p directions.
+        let r = r.resize_vertically(p, 0.0);
+        let svd = r.svd(false, true);
+        let vectors = svd.v_t.unwrap_or_else(|| DMatrix::identity(p, p));
+        (scale, svd.singular_values.iter().copied().collect(), vectors)
+    }
+
+    /// Errors of one output by stretch, in units of its noise.
+    pub(crate) fn errors(&self, output: usize, outputs: usize) -> Vec<&[f64]> {
+        let of = |b: &'_ Block| -> std::ops::Range<usize> {
+            let rows = b.error.len() / outputs;
+            output * rows..(output + 1) * rows
+        };
+        self.blocks.iter().map(|b| &b.error.as_slice()[of(b)]).collect()
+    }
+
+    /// Noise of each output as the errors show it.
+    pub(crate) fn autoregressions(&self, outputs: usize) -> Vec<Autoregression> {
+        (0..outputs).map(|i| Autoregression::fit(&self.errors(i, outputs))).collect()
+    }
+}
+
+impl Block {
+    /// Columns and error without what a change of the start explains.
+    fn projected(&self) -> (DMatrix<f64>, DVector<f64>) {
+        // A start that no row shows (a zero column) projects nothing out.
+        let shown: Vec<_> = self.starts.column_iter().filter(|c| c.norm() > 0.0).map(|c| c.normalize()).collect();
+        if shown.is_empty() {
+            return (self.columns.clone(), self.error.clone());
+        }
+        let q = DMatrix::from_columns(&shown).qr().q();
+        (&self.columns - &q * q.tr_mul(&self.columns), &self.error - &q * q.tr_mul(&self.error))
+    }
+}
+
+/// Least squares with columns scaled to norm one and directions below rounding left out.
+fn scaled_solve(matrix: &DMatrix<f64>, right: &DVector<f64>) -> DVector<f64> {
+    let mut scaled = matrix.clone();
+    let scale: Vec<f64> = scaled.column_iter().map(|c| c.norm()).collect();
+    for (mut column, s) in scaled.column_iter_mut().zip(&scale) {
+        if *s > 0.0 {
+            column /= *s;
+        }
+    }
+    let svd = scaled.svd(true, true);
+    let tolerance = RANK * svd.singular_values.max();
+    match svd.solve(right, tolerance) {
+        Ok(x) => DVector::from_fn(x.len(), |j, _| if scale[j] > 0.0 { x[j] / scale[j] } else { 0.0 }),
+        Err(_) => DVector::zeros(matrix.ncols()),
+    }
+}
+
+/// The change of θ along a free parameter, and a step in it that is small against the plausible size of what it moves.
+fn direction(map: &ParameterMap, j: usize, sizes: &[f64]) -> Direction {
+    let free = map.free.len();
+    let along: Vec<f64> = (0..sizes.len()).map(|i| map.matrix[i * free + j]).collect();
+    let size = sizes.iter().zip(&along).filter(|(_, a)| **a != 0.0).map(|(s, a)| s / a.abs()).fold(f64::INFINITY, f64::min);
+    Direction { along, step: DIFFERENCE * if size.is_finite() { size } else { 1.0 } }
+}
+
+fn pick(column: Vec<f64>, rows: &Option<Vec<usize>>) -> Vec<f64> {
+    match rows {
+        Some(rows) => rows.iter().map(|&k| column[k]).collect(),
+        None => column,
+    }
+}
+
+/// A stretch whose inputs come later by their delays (earlier, if negative), and the rows of it that are the original's; before
+/// its first value an input is held. Every change of an input starts a row of its own, so that the hold stays exact. The outputs
+/// are the original's, for their size only.
+fn delayed<'s>(stretch: &'s Stretch, axes: &[Option<usize>], delays: &[f64]) -> (Cow<'s, Stretch>, Option<Vec<usize>>) {
+    let of = |input: usize| axes.get(input).copied().flatten().and_then(|axis| delays.get(axis)).copied().unwrap_or(0.0);
+    let shifts: Vec<f64> = (0..stretch.inputs.len()).map(of).collect();
+    if shifts.iter().all(|d| *d == 0.0) {
+        return (Cow::Borrowed(stretch), None);
+    }
+    let time = &stretch.time;
+    let (first, last) = (time[0], time[time.len() - 1]);
+    let mut distinct: Vec<f64> = shifts.iter().copied().filter(|d| *d != 0.0).collect();
+    distinct.sort_by(f64::total_cmp);
+    distinct.dedup();
+    // A row closer to another than this is the same.
+    let same = 1e-9 * (last - first) / time.len() as f64;
+    let mut merged: Vec<(f64, bool)> = time.iter().map(|t| (*t, true)).collect();
+    for shift in distinct {
+        merged.extend(time.iter().map(|t| (t + shift, false)).filter(|(t, _)| *t > first && *t < last));
+    }
+    merged.sort_by(|a, b| a.0.total_cmp(&b.0).then(b.1.cmp(&a.1)));
+    let mut kept: Vec<(f64, bool)> = Vec::with_capacity(merged.len());
+    for (t, original) in merged {
+        match kept.last_mut() {
+            Some((before, was_original)) if t - *before <= same && !(original && *was_original) => {
+                if original {
+                    (*before, *was_original) = (t, true);
+                }
+            }
+            _ => kept.push((t, original)),
+        }
+    }
+    let held = |(column, shift): (&Vec<f64>, &f64)| -> Vec<f64> {
+        let mut k = 0;
+        let mut at = |t: f64| {
+            while k + 1 < time.len() && time[k + 1] + shift <= t + same {
+                k += 1;
+            }
+            column[k]
+        };
+        kept.iter().map(|(t, _)| at(*t)).collect()
+    };
+    let inputs = stretch.inputs.iter().zip(&shifts).map(held).collect();
+    let rows = kept.iter().enumerate().filter(|(_, (_, original))| *original).map(|(k, _)| k).collect();
+    let time = kept.iter().map(|(t, _)| *t).collect();
+    (Cow::Owned(Stretch { label: stretch.label.clone(), time, inputs, outputs: stretch.outputs.clone() }), Some(rows))
+}
+
+/// L, row-major: how the accelerations change with the outputs about rest; `None` where the equations leave them undetermined.
+pub(crate) fn linear_part(model: &dyn RegressorModel, theta: &[f64]) -> Option<DMatrix<f64>> {
+    let n = model.outputs().len();
+    let inputs = vec![0.0; model.inputs().len()];
+    let mut linear = DMatrix::zeros(n, n);
+    for j in 0..n {
+        let side = |x: f64| {
+            let mut outputs = vec![0.0; n];
+            outputs[j] = x;
+            let mut a = vec![0.0; n];
+            model.accelerations(theta, &inputs, &outputs, &mut a).ok().map(|()| a)
+        };
+        let (up, down) = (side(1.0)?, side(-1.0)?);
+        (0..n).for_each(|i| linear[(i, j)] = 0.5 * (up[i] - down[i]));
+    }
+    linear.iter().all(|x| x.is_finite()).then_some(linear)
+}
+
+/// Time constant of each output by itself, −1/L_ii \[s\], kept between half a period and the duration of the data.
+pub(crate) fn time_constants(model: &dyn RegressorModel, theta: &[f64], data: &Dataset) -> Vec<f64> {
+    let (shortest, longest) = (0.5 * data.period(), data.duration().max(data.period()));
+    let of = |rate: f64| if rate > 0.0 { (1.0 / rate).clamp(shortest, longest) } else { longest };
+    match linear_part(model, theta) {
+        Some(linear) => linear.diagonal().iter().map(|l| of(-l)).collect(),
+        None => vec![10.0 * data.period(); model.outputs().len()],
+    }
+}
+
+/// The plausible size of each parameter: that at which its term alone takes as much command as the largest in the data, when
+/// every output moves as far as it does in the data, all at once, and as fast as its time constant lets it.
+///
+/// Unlike the root mean square of a column this does not depend on which motions were combined in the recording, so that a
+/// motion that is missing cannot make a parameter look large. A channel that never moves is taken to reach one SI unit.
+pub(crate) fn plausible(model: &dyn RegressorModel, data: &Dataset, theta: &[f64]) -> Vec<f64> {
+    let reach = |columns: &dyn Fn(&Stretch) -> &Vec<Vec<f64>>, i: usize| {
+        let largest = data.stretches.iter().flat_map(|s| columns(s)[i].iter()).fold(0.0_f64, |m, x| m.max(x.abs()));
+        if largest > 0.0 { largest } else { 1.0 }
+    };
+    let inputs: Vec<f64> = (0..data.inputs.len()).map(|i| reach(&|s| &s.inputs, i)).collect();
+    let outputs: Vec<f64> = (0..data.outputs.len()).map(|i| reach(&|s| &s.outputs, i)).collect();
+    let lags = time_constants(model, theta, data);
+    let (equations, parameters) = (model.equations(), theta.len());
+    let (mut phi, mut y) = (vec![0.0; equations * parameters], vec![0.0; equations]);
+    let (mut largest_phi, mut largest_y) = (vec![0.0_f64; equations * parameters], vec![0.0_f64; equations]);
+    // All corners of the box of outputs would double with every output; alternating signs already show every product.
+    for corner in 0..4_usize {
+        let sign = |i: usize| if (corner >> (i % 2)) & 1 == 0 { 1.0 } else { -1.0 };
+        let x: Vec<f64> = outputs.iter().enumerate().map(|(i, x)| sign(i) * x).collect();
+        let a: Vec<f64> = x.iter().zip(&lags).map(|(x, t)| x / t).collect();
+        model.regressor(Sample { inputs: &inputs, outputs: &x, accelerations: &a }, &mut phi, &mut y);
+        largest_phi.iter_mut().zip(&phi).for_each(|(m, x)| *m = m.max(x.abs()));
+        largest_y.iter_mut().zip(&y).for_each(|(m, x)| *m = m.max(x.abs()));
+    }
+    let of = |j: usize| {
+        let sizes = (0..equations).map(|e| largest_y[e] / largest_phi[e * parameters + j]).filter(|s| s.is_finite() && *s > 0.0);
+        let size = sizes.fold(f64::INFINITY, f64::min);
+        if size.is_finite() { size } else { theta[j].abs().max(1.0) }
+    };
+    (0..parameters).map(of).collect()
+}
+
+/// A quick estimate of the free parameters: regression over windows of a second, which needs no start.
+///
+/// # Errors
+/// [`SolveError`] as [`regression::visit`].
+pub(crate) fn regression_start(model: &dyn RegressorModel, map: &ParameterMap, data: &Dataset) -> Result<Vec<f64>, SolveError> {
+    let shortest = data.stretches.iter().map(|s| s.len()).min().unwrap_or(2);
+    let window = ((WINDOW_S / data.period()).round() as usize).clamp(1, (shortest / 2).max(1));
+    let settings = Settings { form: Form::Integral, integral_samples: window, ..Settings::default() };
+    let (equations, parameters, free) = (model.equations(), model.parameters().len(), map.free.len());
+    // Every equation weighs as its response does.
+    let mut gram = vec![(DMatrix::<f64>::zeros(free, free), DVector::<f64>::zeros(free), 0.0); equations];
+    regression::visit(model, data, &settings, &mut |rows| {
+        for (equation, (matrix, right, squares)) in rows.equations.iter().zip(&mut gram) {
+            for k in 0..rows.time.len() {
+                let value = |j: usize| equation.columns[j].get(k).copied().unwrap_or(0.0);
+                let row = DVector::from_fn(free, |z, _| (0..parameters).map(|j| value(j) * map.matrix[j * free + z]).sum());
+                let known: f64 = (0..parameters).map(|j| value(j) * map.offset[j]).sum();
+                let response = equation.response.get(k).copied().unwrap_or(0.0);
+                *squares += response * response;
+                right.axpy(response - known, &row, 1.0);
+                matrix.ger(1.0, &row, &row, 1.0);
+            }
+        }
+    })?;
+    let (mut matrix, mut right) = (DMatrix::zeros(free, free), DVector::zeros(free));
+    for (m, r, squares) in gram.iter().filter(|g| g.2 > 0.0) {
+        matrix += m / *squares;
+        right += r / *squares;
+    }
+    Ok(scaled_solve(&matrix, &right).as_slice().to_vec())
+}
+
+/// A quick free-run fit: [`regression_start`], made simulable, then Gauss-Newton. The free run, the point and the noise of each
+/// output.
+///
+/// # Errors
+/// [`SolveError`] if no start can be simulated.
+pub(crate) fn quick_fit<'a>(
+    model: &'a dyn RegressorModel,
+    map: &'a ParameterMap,
+    data: &'a Dataset,
+    axes: Vec<Option<usize>>,
+    delays: usize,
+) -> Result<(FreeRun<'a>, Point, Vec<f64>), SolveError> {
+    let z = regression_start(model, map, data)?;
+    let z = simulable(model, map, data, z);
+    let mut run = FreeRun::new(model, map, data, axes);
+    let (point, sigma) = run.fit(run.point(z, vec![0.0; delays]))?;
+    Ok((run, point, sigma))
+}
+
+/// Replaces coefficients of accelerations that the data left at zero or below, with which nothing can be simulated, by their
+/// plausible size at a time constant of ten periods.
+fn simulable(model: &dyn RegressorModel, map: &ParameterMap, data: &Dataset, mut z: Vec<f64>) -> Vec<f64> {
+    let theta = map.theta(&z);
+    let runs = |z: &[f64]| {
+        let free_run = FreeRun::new(model, map, data, Vec::new());
+        free_run.simulate(&free_run.point(z.to_vec(), Vec::new())).is_ok()
+    };
+    if runs(&z) {
+        return z;
+    }
+    let mut unusable = theta.clone();
+    unusable.fill(0.0);
+    let sizes = plausible(model, data, &unusable);
+    let free = map.free.len();
+    for (j, parameter) in model.parameters().iter().enumerate() {
+        let term = crate::identifiability::term::Term::of(model, j);
+        if term.accelerations.is_empty() || theta[j] > 0.01 * sizes[j] || parameter.bounds.0 < 0.0 {
+            continue;
+        }
+        if let Some(i) = (0..free).find(|i| map.matrix[j * free + i] != 0.0) {
+            z[i] += (sizes[j] - theta[j]) / map.matrix[j * free + i];
+        }
+    }
+    z
+}
+
+/// The free run about given parameters, with the starts fitted: what [`quick_fit`] returns when the parameters are known.
+///
+/// # Errors
+/// [`SolveError`] if the model cannot be simulated with them.
+pub(crate) fn about<'a>(
+    model: &'a dyn RegressorModel,
+    map: &'a ParameterMap,
+    theta: &[f64],
+    data: &'a Dataset,
+) -> Result<(FreeRun<'a>, Point, Vec<f64>), SolveError> {
+    let z = free_values(map, theta);
+    let mut run = FreeRun::new(model, map, data, Vec::new());
+    run.fix_step(&z)?;
+    let mut point = run.point(z, Vec::new());
+    let sigma = run.noise(&point)?;
+    let local = run.linearise(&point, &sigma)?;
+    for (start, block) in point.starts.iter_mut().zip(&local.blocks) {
+        start.iter_mut().zip(scaled_solve(&block.starts, &block.error).iter()).for_each(|(x, d)| *x += d);
+    }
+    let sigma = run.noise(&point)?;
+    Ok((run, point, sigma))
+}
+
+/// The free values z whose θ = T z + c is nearest to the one given.
+fn free_values(map: &ParameterMap, theta: &[f64]) -> Vec<f64> {
+    let transform = DMatrix::from_row_slice(theta.len(), map.free.len(), &map.matrix);
+    let right = DVector::from_fn(theta.len(), |i, _| theta[i] - map.offset[i]);
+    scaled_solve(&transform, &right).as_slice().to_vec()
+}
