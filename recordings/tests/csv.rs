@@ -179,6 +179,17 @@ proptest! {
     }
 }
 
+#[cfg(unix)]
+#[test]
+fn a_written_file_is_readable_like_any_other() {
+    use std::os::unix::fs::PermissionsExt;
+    let folder = tempfile::tempdir().unwrap();
+    let mode = |name: &str| std::fs::metadata(folder.path().join(name)).unwrap().permissions().mode();
+    std::fs::write(folder.path().join("other"), "").unwrap();
+    write_csv(&folder.path().join("run.csv"), &open_text("t,v\n0,0\n1,1\n").unwrap()).unwrap();
+    assert_eq!(mode("run.csv"), mode("other"));
+}
+
 #[test]
 fn the_real_recordings_are_read_whole() {
     let Some(shared) = shared() else { return };

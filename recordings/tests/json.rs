@@ -73,6 +73,7 @@ fn what_is_ambiguous_is_refused() {
         (log(&DRIVE.replace("Feet", "Cubits"), 3, drive_row), "key `units`: is \"Cubits\"; it must be Meters"),
         (log(&DRIVE.replace("2.0", "0"), 3, drive_row), "key `unitsPerRotation`: is 0; it must be a number other than zero"),
         (log("\"sysid\": true, \"units\": \"Feet\", ", 3, drive_row), "key `unitsPerRotation`: is missing"),
+        (log("\"test\": \"Elevator\", ", 2, frc), "rows of 10: the test is `Elevator`, of a mechanism and not of a drive"),
         (log("", 2, frc).replace("12.0", "null"), "line 1, column 31: invalid type: null, expected f64"),
         (log("", 2, frc).replace("12.0", "NaN"), "line 1, column"),
         ("{\"slow-forward\": []}".to_owned(), "no test holds a row"),
@@ -108,6 +109,19 @@ fn mappings_apply_to_the_named_columns() {
     let text = log(DRIVE, 5, drive_row);
     let (plain, scaled) = (open_text(&text).unwrap(), open_bytes(text.as_bytes(), &options).unwrap());
     assert!((scaled.column("vel_left").unwrap()[4] / plain.column("vel_left").unwrap()[4] - 0.3048).abs() < 1e-12);
+}
+
+#[test]
+fn a_characterization_log_with_units_is_scaled_and_turned() {
+    let frc = |s: f64, t: f64, k: usize| vec![t, 12.0, 0.5, s, -s, -s, s, -s * k as f64, s * k as f64, 0.0];
+    let plain = open_text(&log("", 4, frc)).unwrap();
+    assert_eq!(plain.column("vel_left").unwrap()[..8], [0.0, 1.0, 2.0, 3.0, 0.0, -1.0, -2.0, -3.0]);
+    assert_eq!((plain.column("u_right").unwrap()[1], plain.column("pos_left").unwrap()[1]), (1.0, 1.0));
+    assert!(plain.warnings[0].starts_with("`pos_left`, `vel_left` and `u_right` turned in sign"), "{:?}", plain.warnings);
+    assert!(plain.warnings[1].starts_with("the file does not say its unit of length"), "{:?}", plain.warnings);
+    let scaled = open_text(&log("\"test\": \"Drivetrain\", \"units\": \"Inches\", \"unitsPerRotation\": 10, ", 4, frc)).unwrap();
+    assert!((scaled.column("vel_left").unwrap()[3] - 0.762).abs() < 1e-12);
+    assert_eq!(scaled.warnings.len(), 1, "{:?}", scaled.warnings);
 }
 
 /// The CSV of these recordings is rounded to five decimals, so equal numbers are at most half a unit of the fifth apart.

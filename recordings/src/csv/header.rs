@@ -25,7 +25,8 @@ impl Header {
             lines += 1;
             match line.strip_prefix(b"#") {
                 Some(text) => comment = text.trim_ascii(),
-                None if line.is_empty() => {}
+                // A spreadsheet's hint to itself, `sep=;`, is no header either.
+                None if line.is_empty() || (line.starts_with(b"sep=") && line.len() == 5) => {}
                 None => return Self::parse(line, end, lines).or_else(|| Self::commented(comment, line, start, lines - 1)),
             }
             start = end;
@@ -107,6 +108,7 @@ mod tests {
         let header = Header::find(b"\xef\xbb\xbf# made by hand\r\n\r\n t , \"v, forward\";x\r\n0,1\r\n").unwrap();
         assert_eq!(header.names, ["t", "v, forward;x"]);
         assert_eq!((header.delimiter, header.lines), (b',', 3));
+        assert_eq!(names("sep=;\nt;v\n").unwrap().0, ["t", "v"]);
         assert_eq!(names("t;v;omega\n").unwrap().1, b';');
         assert_eq!(names("t\tv\n").unwrap().1, b'\t');
     }

@@ -12,12 +12,24 @@ use wheelwright_core::recording::{ReadError, Recording};
 /// [`ReadError::Io`] if the folder cannot be written to.
 pub fn write_csv(path: &Path, recording: &Recording) -> Result<(), ReadError> {
     let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    let file = tempfile::NamedTempFile::new_in(folder)?;
+    let file = readable_by_all(&mut tempfile::Builder::new()).tempfile_in(folder)?;
     let mut out = BufWriter::with_capacity(1 << 16, file);
     write_rows(&mut out, recording)?;
     let file = out.into_inner().map_err(std::io::IntoInnerError::into_error)?;
     file.persist(path).map_err(|e| e.error)?;
     Ok(())
+}
+
+/// A temporary file is its owner's alone unless told otherwise; a result is as readable as the user's other files.
+#[cfg(unix)]
+fn readable_by_all<'a, 'b>(builder: &'a mut tempfile::Builder<'b, 'b>) -> &'a mut tempfile::Builder<'b, 'b> {
+    use std::os::unix::fs::PermissionsExt;
+    builder.permissions(std::fs::Permissions::from_mode(0o666))
+}
+
+#[cfg(not(unix))]
+fn readable_by_all<'a, 'b>(builder: &'a mut tempfile::Builder<'b, 'b>) -> &'a mut tempfile::Builder<'b, 'b> {
+    builder
 }
 
 fn write_rows(out: &mut impl Write, recording: &Recording) -> std::io::Result<()> {

@@ -73,7 +73,12 @@ impl Shape {
             (true, 9) => Ok(Self::SysIdDrive),
             (true, 4) => Ok(Self::SysIdMechanism),
             (true, _) => refuse("SysId logs have rows of 9 (a drive) or 4 (a mechanism)"),
-            (false, 10) => Ok(Self::Frc),
+            (false, 10) => match log.setting("test").and_then(Value::as_str) {
+                Some(test) if !test.starts_with("Drive") => {
+                    refuse(&format!("the test is `{test}`, of a mechanism and not of a drive; convert the log with SysId to rows of 4"))
+                }
+                _ => Ok(Self::Frc),
+            },
             (false, 9) => refuse(
                 "without the key `sysid` these may be SysId rows or a 2018 dump with battery and speed first; add \"sysid\": true if they are t, u_left, u_right, pos_left, pos_right, vel_left, vel_right, gyro_angle, gyro_rate",
             ),
