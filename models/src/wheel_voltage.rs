@@ -1,8 +1,9 @@
 //! `wheel-voltage`: a robot whose motors are given voltages, such as an FRC drive. Per side, with v the wheels' ground speed,
 //!
-//! u = kV v + kA v' (+ kS sgn v)
+//! u = kS sgn v + kV v + kA v'
 //!
-//! so that v' = (1/kA) u − (kV/kA) v. The friction term is off unless asked for: friction is an effect that a diagnosis names.
+//! so that v' = (1/kA) u − (kV/kA) v where there is no friction. The friction term is what the FRC community means by kS; kV and
+//! kA are not comparable with anybody's without it. It can be switched off, so that a diagnosis finds it for itself.
 
 use serde::{Deserialize, Serialize};
 use wheelwright_core::Channel;
@@ -13,22 +14,26 @@ static INPUTS: [Channel; 2] = [U_LEFT, U_RIGHT];
 static OUTPUTS: [Channel; 2] = [VEL_LEFT, VEL_RIGHT];
 
 /// Configuration of `wheel-voltage`; no key is needed.
-#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
 pub struct WheelVoltageConfig {
-    /// Adds kS sgn v to each side. Rows at rest (v = 0) say nothing on kS, so data must hold motion in both directions or
-    /// at several speeds.
-    #[serde(default)]
+    /// kS sgn v on each side. Default true. Rows at rest (v = 0) say nothing on kS, so data must hold motion in both
+    /// directions or at several speeds.
     pub static_friction: bool,
-    /// Ties left and right together: one kV and one kA (and one kS).
-    #[serde(default)]
+    /// Ties left and right together: one kV and one kA (and one kS). Default false.
     pub symmetric: bool,
+}
+
+impl Default for WheelVoltageConfig {
+    fn default() -> Self {
+        Self { static_friction: true, symmetric: false }
+    }
 }
 
 #[typetag::serde(name = "wheel-voltage")]
 impl ModelConfig for WheelVoltageConfig {
     fn about(&self) -> String {
-        "robot driven by motor voltages: u_left, u_right to vel_left, vel_right, kV and kA a side (kS with `static_friction`)".to_owned()
+        "robot driven by motor voltages: u_left, u_right to vel_left, vel_right, kS, kV and kA a side".to_owned()
     }
 
     fn build(&self) -> Result<Box<dyn RegressorModel>, ModelError> {

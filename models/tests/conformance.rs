@@ -13,9 +13,9 @@ const TABLES: &[&str] = &[
     "type = 'wheel-pd'",
     "type = 'wheel-pd'\nconstrained = true\ntrack_width = 0.089",
     "type = 'wheel-voltage'",
-    "type = 'wheel-voltage'\nstatic_friction = true",
+    "type = 'wheel-voltage'\nstatic_friction = false",
     "type = 'wheel-voltage'\nsymmetric = true",
-    "type = 'wheel-voltage'\nsymmetric = true\nstatic_friction = true",
+    "type = 'wheel-voltage'\nsymmetric = true\nstatic_friction = false",
     "type = 'expression'\nname = 'drag'\ninputs = { u = 'N' }\noutputs = { v = 'm/s' }\nequations = ['u = mass*der(v) + drag*v*abs(v)']
     parameters = { mass = { unit = 'kg', min = 0 }, drag = { unit = 'kg/m' } }",
 ];

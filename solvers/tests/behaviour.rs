@@ -98,7 +98,7 @@ fn equalities_of_a_model_are_kept() {
 
 #[test]
 fn motors_driven_by_voltage_are_found_too() {
-    let model = WheelVoltageConfig::default().build().unwrap();
+    let model = WheelVoltageConfig { static_friction: false, ..WheelVoltageConfig::default() }.build().unwrap();
     let p = model.parameters().len();
     let truth: Vec<f64> =
         (0..p).map(|i| if model.parameters()[i].name.contains('V') { 2.2 + 0.1 * i as f64 } else { 0.4 + 0.05 * i as f64 }).collect();

@@ -1,0 +1,128 @@
+//! Robots and models from shared libraries, good and broken, as the program meets them.
+
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output, Stdio};
+
+use serde_json::Value;
+
+fn root() -> &'static Path {
+    Path::new(env!("CARGO_MANIFEST_DIR"))
+}
+
+/// Compiles a C plugin into `folder`; `None`, said plainly, without a C compiler.
+fn compile(source: &str, defines: &[&str], folder: &Path) -> Option<PathBuf> {
+    let library = folder.join("libplugin.so");
+    let compiler = std::env::var("CC").unwrap_or_else(|_| "cc".to_owned());
+    let status = Command::new(&compiler)
+        .args(["-shared", "-fPIC", "-std=gnu11", "-I"])
+        .arg(root().join("plugin/include"))
+        .args(defines.iter().map(|d| format!("-D{d}")))
+        .arg(root().join(source))
+        .arg("-o")
+        .arg(&library)
+        .arg("-lm")
+        .status();
+    let Ok(status) = status else {
+        println!("skipped: no C compiler (`{compiler}`) on PATH");
+        return None;
+    };
+    assert!(status.success(), "{source} does not compile");
+    Some(library)
+}
+
+fn run(folder: &Path, config: &str, more: &[&str]) -> Output {
+    std::fs::write(folder.join("run.toml"), config).unwrap();
+    let program = env!("CARGO_BIN_EXE_wheelwright");
+    Command::new(program).args(["run", "run.toml", "--json"]).args(more).current_dir(folder).stdin(Stdio::null()).output().unwrap()
+}
+
+fn config(robot: &str) -> String {
+    format!("[[plugin]]\npath = \"libplugin.so\"\n[robot]\n{robot}\n[excitation]\ntype = \"thesis-pioneer\"\nduration = 60.0\n")
+}
+
+fn theta(document: &Value) -> Vec<f64> {
+    document["parameters"].as_array().unwrap().iter().map(|p| p["value"].as_f64().unwrap()).collect()
+}
+
+#[test]
+fn a_robot_in_c_is_driven_and_identified_like_a_built_in() {
+    let folder = tempfile::tempdir().unwrap();
+    if compile("examples/plugins/c/robot.c", &[], folder.path()).is_none() {
+        return;
+    }
+    let output = run(folder.path(), &config("type = \"c-base\"\ntau = 0.25"), &[]);
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let theta = theta(&serde_json::from_slice(&output.stdout).unwrap());
+    for (value, expected) in theta.iter().zip([0.25, 0.25, 0.0, 1.0, 0.0, 1.0]) {
+        assert!((value - expected).abs() < 0.01, "{theta:?}");
+    }
+}
+
+#[test]
+fn a_robot_and_a_model_in_rust_work_together() {
+    let target = Path::new(env!("CARGO_TARGET_TMPDIR")).parent().unwrap();
+    let output = Command::new(env!("CARGO"))
+        .args(["build", "-p", "wheelwright-example-plugin", "--message-format=json", "--target-dir"])
+        .arg(target)
+        .current_dir(root())
+        .stderr(Stdio::inherit())
+        .output()
+        .unwrap();
+    assert!(output.status.success());
+    let messages = String::from_utf8(output.stdout).unwrap();
+    let built = messages.lines().filter_map(|l| serde_json::from_str::<Value>(l).ok()).find_map(|m| {
+        let named = m["target"]["name"].as_str() == Some("wheelwright_example_plugin");
+        named.then(|| m["filenames"][0].as_str().map(str::to_owned)).flatten()
+    });
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::copy(built.unwrap(), folder.path().join("libplugin.so")).unwrap();
+    let output = run(folder.path(), &config("type = \"second-order-base\""), &[]);
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let document: Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert_eq!(document["model"], "vw-pd");
+    assert!(
+        document["fit"]["validate"]["v"].as_f64().unwrap() > 80.0,
+        "a second-order robot is nearly a first-order one: {}",
+        document["fit"]
+    );
+}
+
+#[test]
+fn broken_libraries_end_the_program_with_a_reason_and_a_status() {
+    let robot = "type = \"mock\"";
+    for (defines, status, says) in [
+        (&["WRONG_VERSION"][..], 5, "interface"),
+        (&["NO_SYMBOL"][..], 5, "does not export"),
+        (&["NAN_OUTPUT"][..], 5, "`x`"),
+        (&["HANG_IN_STEP"][..], 5, "within"),
+    ] {
+        let folder = tempfile::tempdir().unwrap();
+        if compile("plugin/tests/broken/broken.c", defines, folder.path()).is_none() {
+            return;
+        }
+        let excitation = "[excitation]\ntype = \"signals\"\nduration = 5.0\n[[excitation.signals]]\nchannel = \"u\"\nkind = \"sine\"\namplitude = 1.0\nfrequency_hz = 0.5\n";
+        let config = format!("[[plugin]]\npath = \"libplugin.so\"\ncall_timeout_s = 0.5\n[robot]\n{robot}\n{excitation}");
+        let output = run(folder.path(), &config, &[]);
+        let said = String::from_utf8_lossy(&output.stderr);
+        assert_eq!(output.status.code(), Some(status), "{defines:?}: {said}");
+        assert!(said.contains(says) && !said.contains("panicked"), "{defines:?}: {said}");
+    }
+}
+
+#[test]
+fn plugins_lists_and_checks_a_library() {
+    let folder = tempfile::tempdir().unwrap();
+    let Some(library) = compile("examples/plugins/c/model.c", &[], folder.path()) else { return };
+    let output = Command::new(env!("CARGO_BIN_EXE_wheelwright")).args(["plugins", "check"]).arg(&library).output().unwrap();
+    assert!(output.status.success(), "{}{}", String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr));
+    assert!(String::from_utf8_lossy(&output.stdout).contains(": ok"));
+    std::fs::write(folder.path().join("c.toml"), "[[plugin]]\npath = \"libplugin.so\"\n").unwrap();
+    let listed = Command::new(env!("CARGO_BIN_EXE_wheelwright"))
+        .args(["plugins", "--json", "--config"])
+        .arg(folder.path().join("c.toml"))
+        .output()
+        .unwrap();
+    let document: Value = serde_json::from_slice(&listed.stdout).unwrap();
+    let loaded = document["models"].as_array().unwrap().iter().filter(|m| m["source"].as_str().unwrap().ends_with("libplugin.so"));
+    assert_eq!(loaded.count(), 1);
+}
