@@ -85,8 +85,7 @@ impl BoundedSolver {
             bounds[i] = (bounds[i].0.max(*lower), bounds[i].1.min(*upper));
         }
         for (parameter, (lower, upper)) in parameters.iter().zip(&bounds) {
-            // Written so that a NaN is refused too.
-            if !(lower <= upper) {
+            if lower > upper || lower.is_nan() || upper.is_nan() {
                 return Err(SolveError::EmptyBounds { parameter: parameter.name.clone(), lower: *lower, upper: *upper });
             }
         }

@@ -1,5 +1,7 @@
 //! What each solver promises beyond its equation: maps, bounds, errors that name what is missing, stretches, stamps.
 
+#![allow(clippy::unwrap_used, clippy::panic)] // tests may end at the first surprise
+
 mod common;
 
 use common::{KHEPERA, PIONEER, dataset, khepera_reference, pioneer_reference, record, sines, times, vw_pd};

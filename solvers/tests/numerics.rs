@@ -1,5 +1,7 @@
 //! The numerical pieces against independent ways to the same numbers.
 
+#![allow(clippy::unwrap_used, clippy::panic)] // tests may end at the first surprise
+
 mod common;
 
 use nalgebra::{DMatrix, DVector};

@@ -1,5 +1,7 @@
 //! `thesis` and `ols` on noise-free recordings of the thesis' robots against numpy and scipy.
 
+#![allow(clippy::unwrap_used, clippy::panic)] // tests may end at the first surprise
+
 mod common;
 
 use common::{recordings, vw_pd};

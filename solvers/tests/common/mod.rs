@@ -1,6 +1,6 @@
 //! Noise-free recordings of the thesis' two robots, and models to try solvers on.
 
-#![allow(dead_code, unreachable_pub)]
+#![allow(dead_code, unreachable_pub, clippy::unwrap_used)]
 
 use std::f64::consts::PI;
 
