@@ -426,3 +426,30 @@ pub enum ReadError {
         known: String,
     },
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    #[allow(clippy::single_range_in_vec_init, reason = "the ranges are the values")]
+    fn segments_must_cover_all_rows_once_and_in_order() {
+        let build = |spans: &[Range<usize>]| {
+            let segments = spans.iter().map(|rows| Segment { label: "a".to_owned(), rows: rows.clone() }).collect();
+            Recording::with_segments(Source::default(), vec![0.0, 1.0, 0.0, 1.0], Vec::new(), segments).map(|r| r.segments().len())
+        };
+        assert_eq!(build(&[0..2, 2..4]), Ok(2), "equal labels side by side stay two segments, so time may start again");
+        for (spans, row) in
+            [(vec![0..2], 3), (vec![0..2, 3..4], 3), (vec![0..3, 2..4], 4), (vec![0..2, 2..2, 2..4], 3), (vec![0..9], 1), (vec![], 1)]
+        {
+            assert_eq!(build(&spans), Err(RecordingError::BadSegments { row }), "{spans:?}");
+        }
+    }
+
+    #[test]
+    fn labels_must_be_as_many_as_rows() {
+        let labels = vec!["a".to_owned(); 3];
+        let error = Recording::new(Source::default(), vec![0.0, 1.0], Vec::new(), Some(&labels)).unwrap_err();
+        assert_eq!(error, RecordingError::Ragged { column: "segment".to_owned(), found: 3, expected: 2 });
+    }
+}
