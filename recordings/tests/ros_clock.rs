@@ -66,6 +66,13 @@ fn frozen_stamps_while_moving_fall_back_to_log_time() {
 }
 
 #[test]
+fn standing_under_frozen_stamps_is_no_repetition() {
+    let stop = |s: Sent| if (1_000 * MS..2_000 * MS).contains(&s.log) { Sent { v: 0.0, omega: 0.0, pose: [0.0; 3], ..s } } else { s };
+    let recording = open(&bag(|t| t, |_| 0).into_iter().map(stop).collect::<Vec<_>>()).unwrap();
+    assert_eq!(recording.rows(), 100);
+}
+
+#[test]
 fn frozen_stamps_without_motion_are_refused_for_both_reasons() {
     let still: Vec<Sent> =
         bag(|t| t, |_| 77).into_iter().map(|s| if s.stamp.is_some() { Sent { v: 0.0, omega: 0.0, ..s } } else { s }).collect();

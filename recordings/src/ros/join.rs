@@ -125,15 +125,14 @@ fn refuse_frozen(odom: &Topic, messages: &[Message]) -> Result<(), ReadError> {
     ))
 }
 
-/// Messages sent twice, stamp and content alike.
+/// Messages sent twice, stamp and content alike. On a clock that stands, messages of a robot that stands look the same.
 fn drop_repeats(messages: &mut Vec<Message>, topic: &str, warnings: &mut Vec<String>) {
-    let before = messages.len();
-    messages.dedup_by(|later, earlier| later.motion.stamp.is_some() && later.motion == earlier.motion);
-    if messages.len() < before {
-        warnings.push(format!(
-            "`{topic}`: {} message(s) repeated stamp and content of the one before and were dropped",
-            before - messages.len()
-        ));
+    let mut distinct = messages.clone();
+    distinct.dedup_by(|later, earlier| later.motion.stamp.is_some() && later.motion == earlier.motion);
+    let repeats = messages.len() - distinct.len();
+    if repeats > 0 && clock::stamps_advance(&distinct) {
+        warnings.push(format!("`{topic}`: {repeats} message(s) repeated stamp and content of the one before and were dropped"));
+        *messages = distinct;
     }
 }
 
