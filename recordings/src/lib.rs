@@ -12,6 +12,7 @@
 //! ```
 
 mod assemble;
+mod beside;
 mod columns;
 mod csv;
 mod detect;

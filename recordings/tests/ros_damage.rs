@@ -8,7 +8,7 @@ use std::path::Path;
 
 use proptest::prelude::*;
 use ros_files::{bag1, db3, drive, recording};
-use wheelwright_core::recording::{ReadOptions, Recording};
+use wheelwright_core::recording::{Column, ReadOptions, Recording, Source};
 
 fn open(path: &Path) -> Result<Recording, String> {
     wheelwright_recordings::open(path, &ReadOptions::default()).map_err(|e| e.to_string())
@@ -49,6 +49,35 @@ fn what_is_written_is_read_back() {
     }
     assert_eq!(read.clock.offset_s, Some(0.0));
     assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1, "no temporary file is left");
+    std::fs::write(folder.path().join("plain"), b"").unwrap();
+    let permissions = |p: &Path| std::fs::metadata(p).unwrap().permissions();
+    assert_eq!(permissions(&path), permissions(&folder.path().join("plain")));
+}
+
+#[test]
+fn what_an_mcap_file_cannot_hold_is_not_written() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.mcap");
+    let column = |name: &str| Column::new(name, vec![0.0, 1.0, 2.0, 3.0]);
+    let build = |time: [f64; 4], names: [&str; 2]| {
+        let labels = ["a", "a", "b", "b"].map(str::to_owned);
+        Recording::new(Source::default(), time.to_vec(), names.map(column).to_vec(), Some(&labels)).unwrap()
+    };
+    let refused = |recording: &Recording| wheelwright_recordings::write_mcap(&path, recording).unwrap_err().to_string();
+    let error = refused(&build([0.0, 1.0, 0.5, 1.5], ["v", "omega"]));
+    assert!(error.contains("segment `b` begins at 0.5 s, not after the 1 s"), "{error}");
+    let error = refused(&build([0.0, 1e-10, 2.0, 3.0], ["v", "omega"]));
+    assert!(error.contains("rows 1 and 2 fall on one nanosecond"), "{error}");
+    let error = refused(&build([0.0, 1.0, 2.0, 3e9], ["v", "omega"]));
+    assert!(error.contains("time 3000000000 s cannot be a ROS stamp"), "{error}");
+    let error = refused(&build([0.0, 1.0, 2.0, 3.0], ["u_left", "u_right"]));
+    assert!(error.contains("no column `v`"), "{error}");
+    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);
+    // Times before zero are shifted by whole seconds; odometry alone is written alone.
+    wheelwright_recordings::write_mcap(&path, &build([-0.25, 0.5, 1.0, 1.5], ["v", "omega"])).unwrap();
+    let read = open(&path).unwrap();
+    assert_eq!(read.time(), [0.75, 1.5, 2.0, 2.5]);
+    assert_eq!(read.streams.len(), 1);
 }
 
 #[test]

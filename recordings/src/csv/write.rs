@@ -5,31 +5,20 @@ use std::path::Path;
 
 use wheelwright_core::recording::{ReadError, Recording};
 
+use crate::beside::file_beside;
+
 /// Writes `recording` as CSV: `t`, `segment`, then every column by its name. Numbers are the shortest that read back as the
 /// same double. The file appears whole or not at all: it is written under another name beside `path`, then renamed.
 ///
 /// # Errors
 /// [`ReadError::Io`] if the folder cannot be written to.
 pub fn write_csv(path: &Path, recording: &Recording) -> Result<(), ReadError> {
-    let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    let file = readable_by_all(&mut tempfile::Builder::new()).tempfile_in(folder)?;
+    let file = file_beside(path)?;
     let mut out = BufWriter::with_capacity(1 << 16, file);
     write_rows(&mut out, recording)?;
     let file = out.into_inner().map_err(std::io::IntoInnerError::into_error)?;
     file.persist(path).map_err(|e| e.error)?;
     Ok(())
-}
-
-/// A temporary file is its owner's alone unless told otherwise; a result is as readable as the user's other files.
-#[cfg(unix)]
-fn readable_by_all<'a, 'b>(builder: &'a mut tempfile::Builder<'b, 'b>) -> &'a mut tempfile::Builder<'b, 'b> {
-    use std::os::unix::fs::PermissionsExt;
-    builder.permissions(std::fs::Permissions::from_mode(0o666))
-}
-
-#[cfg(not(unix))]
-fn readable_by_all<'a, 'b>(builder: &'a mut tempfile::Builder<'b, 'b>) -> &'a mut tempfile::Builder<'b, 'b> {
-    builder
 }
 
 fn write_rows(out: &mut impl Write, recording: &Recording) -> std::io::Result<()> {

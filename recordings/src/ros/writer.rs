@@ -12,6 +12,7 @@ use thiserror::Error;
 use wheelwright_core::recording::{Recording, RecordingError};
 
 use super::definitions;
+use crate::beside::file_beside;
 
 /// Why a recording was not written.
 #[derive(Debug, Error)]
@@ -71,8 +72,7 @@ pub fn write_mcap(path: &Path, recording: &Recording) -> Result<(), WriteError> 
         (Err(_), Err(missing)) => return Err(missing.into()),
         (command, motion) => (command.ok(), motion.ok()),
     };
-    let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    let file = tempfile::NamedTempFile::new_in(folder)?;
+    let file = file_beside(path)?;
     let options = mcap::WriteOptions::new().profile("ros2").compression(Some(mcap::Compression::Zstd));
     let mut writer = options.create(BufWriter::new(file))?;
     let mut topics = Topics::declare(&mut writer, command.is_some(), motion.is_some())?;
