@@ -18,6 +18,7 @@ pub mod drive;
 pub mod excitation;
 pub mod identifiability;
 pub mod identification;
+pub mod lag;
 mod local;
 pub mod model;
 mod noise;

@@ -303,18 +303,23 @@ impl Local {
 impl Block {
     /// Columns and error without what a change of the start explains.
     fn projected(&self) -> (DMatrix<f64>, DVector<f64>) {
+        self.projected_with(&self.error)
+    }
+
+    /// The same for another error than that at the point.
+    pub(crate) fn projected_with(&self, error: &DVector<f64>) -> (DMatrix<f64>, DVector<f64>) {
         // A start that no row shows (a zero column) projects nothing out.
         let shown: Vec<_> = self.starts.column_iter().filter(|c| c.norm() > 0.0).map(|c| c.normalize()).collect();
         if shown.is_empty() {
-            return (self.columns.clone(), self.error.clone());
+            return (self.columns.clone(), error.clone());
         }
         let q = DMatrix::from_columns(&shown).qr().q();
-        (&self.columns - &q * q.tr_mul(&self.columns), &self.error - &q * q.tr_mul(&self.error))
+        (&self.columns - &q * q.tr_mul(&self.columns), error - &q * q.tr_mul(error))
     }
 }
 
 /// Least squares with columns scaled to norm one and directions below rounding left out.
-fn scaled_solve(matrix: &DMatrix<f64>, right: &DVector<f64>) -> DVector<f64> {
+pub(crate) fn scaled_solve(matrix: &DMatrix<f64>, right: &DVector<f64>) -> DVector<f64> {
     let mut scaled = matrix.clone();
     let scale: Vec<f64> = scaled.column_iter().map(|c| c.norm()).collect();
     for (mut column, s) in scaled.column_iter_mut().zip(&scale) {
@@ -486,8 +491,8 @@ pub(crate) fn regression_start(model: &dyn RegressorModel, map: &ParameterMap, d
     Ok(scaled_solve(&matrix, &right).as_slice().to_vec())
 }
 
-/// A quick free-run fit: [`regression_start`], made simulable, then Gauss-Newton. The free run, the point and the noise of each
-/// output.
+/// A quick free-run fit without delays: [`regression_start`], made simulable, then Gauss-Newton. The free run, the point and the
+/// noise of each output.
 ///
 /// # Errors
 /// [`SolveError`] if no start can be simulated.
@@ -496,12 +501,11 @@ pub(crate) fn quick_fit<'a>(
     map: &'a ParameterMap,
     data: &'a Dataset,
     axes: Vec<Option<usize>>,
-    delays: usize,
 ) -> Result<(FreeRun<'a>, Point, Vec<f64>), SolveError> {
     let z = regression_start(model, map, data)?;
     let z = simulable(model, map, data, z);
     let mut run = FreeRun::new(model, map, data, axes);
-    let (point, sigma) = run.fit(run.point(z, vec![0.0; delays]))?;
+    let (point, sigma) = run.fit(run.point(z, Vec::new()))?;
     Ok((run, point, sigma))
 }
 

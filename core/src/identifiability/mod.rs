@@ -10,7 +10,7 @@ mod excitation;
 mod sampling;
 pub(crate) mod term;
 #[cfg(test)]
-mod tests;
+pub(crate) mod tests;
 
 use nalgebra::{DMatrix, DVector};
 use serde::Serialize;
@@ -124,13 +124,15 @@ pub fn assess(
     data: &Dataset,
 ) -> Result<Identifiability, SolveError> {
     let (run, point, sigma) = match theta {
-        None => local::quick_fit(model, map, data, Vec::new(), 0)?,
+        None => local::quick_fit(model, map, data, Vec::new())?,
         Some(theta) => local::about(model, map, theta, data)?,
     };
     let local = run.linearise(&point, &sigma)?;
     let ar = local.autoregressions(sigma.len());
     let theta = map.theta(&point.z);
-    let excitation = Excitation::of(data, &sigma);
+    // What a channel does is told from what its neighbouring samples cannot foresee, not from what the model leaves out.
+    let unforeseen: Vec<f64> = sigma.iter().zip(&ar).map(|(s, a)| s * a.innovation.sqrt()).collect();
+    let excitation = Excitation::of(data, &unforeseen);
     let information = Information::of(&local, map, &ar);
     let sizes = local::plausible(model, data, &theta);
     let judge = |j: usize| judge(model, map, &information, &excitation, (theta[j], sizes[j]), j);
@@ -223,9 +225,10 @@ fn judge(
     let width = if !shown {
         None
     } else if half <= value.abs() {
-        Some(format!("95 % interval of about ±{:.2} %", 100.0 * half / value.abs()))
+        Some(format!("95 % interval of about ±{:.1} %", 100.0 * half / value.abs()))
     } else {
-        Some(format!("95 % interval of about ±{half:.2e} {unit}, which includes zero"))
+        let of = if unit == "1" { String::new() } else { format!(" {unit}") };
+        Some(format!("{value:.3} ± {half:.2}{of}, which includes zero"))
     };
     let reason = match verdict {
         Verdict::Identifiable => width.unwrap_or_default(),
