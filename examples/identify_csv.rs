@@ -9,7 +9,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let recording = wheelwright::recordings::open(path.as_ref(), &ReadOptions::default())?;
     let model = VwPdConfig::default().build()?;
     let (train, held_out) = Dataset::new(&recording, &*model)?.hold_out(0.3);
-    let found = identify(&Problem::new(&*model, &train), &Ols::default(), &held_out)?;
+    let found = identify(&Problem::new(&*model, &train), &OutputError::default(), &held_out)?;
     for estimate in &found.estimates {
         println!("{:<8} {:>12.6} {}", estimate.parameter.name, estimate.value, estimate.parameter.unit);
     }

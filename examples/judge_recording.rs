@@ -2,8 +2,8 @@
 //!
 //!     cargo run --release --example judge_recording -- LOG.csv [wheel-voltage]
 
-use wheelwright::prelude::*;
 use wheelwright::core::identifiability;
+use wheelwright::prelude::*;
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let path = std::env::args().nth(1).ok_or("usage: judge_recording LOG.csv [wheel-voltage]")?;

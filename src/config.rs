@@ -11,7 +11,7 @@
 //! [model]
 //! type = "vw-pd"
 //! [solver]
-//! type = "ols"
+//! type = "output-error"
 //! [validation]
 //! holdout = 0.3
 //! [output]

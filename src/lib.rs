@@ -28,5 +28,5 @@ pub mod prelude {
     pub use wheelwright_core::identification::{Identification, identify};
     pub use wheelwright_core::{Channel, Dataset, ModelConfig, Problem, ReadOptions, Recording, RegressorModel, Solver};
     pub use wheelwright_models::{VwPdConfig, WheelPdConfig, WheelVoltageConfig};
-    pub use wheelwright_solvers::{BoundedSolver, Ols, Thesis};
+    pub use wheelwright_solvers::{BoundedSolver, Ols, OutputError, SteadyState, Thesis};
 }

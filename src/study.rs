@@ -106,14 +106,15 @@ impl Study {
 
     /// A column that this model misses may be one that another model would use: say so.
     fn explain(&self, source: &Source, error: RecordingError) -> Error {
-        let fits = |config: &Box<dyn ModelConfig>| {
+        let fits = |config: &dyn ModelConfig| {
             let model = config.build().ok()?;
             let has_all = model.inputs().iter().chain(model.outputs()).all(|c| source.recording.column(&c.name).is_ok());
             has_all.then(|| model.name().to_owned())
         };
         let path = &source.facts.path;
         let RecordingError::MissingColumn { name, available } = &error else { return Error::content(path, error) };
-        let fitting: Vec<String> = built_in_models().iter().filter_map(fits).filter(|name| name != self.model.name()).collect();
+        let fitting: Vec<String> =
+            built_in_models().iter().filter_map(|config| fits(&**config)).filter(|name| name != self.model.name()).collect();
         match fitting.first() {
             Some(other) => Error::content(
                 path,

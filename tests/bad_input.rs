@@ -3,6 +3,8 @@
 //! Each case runs the program in a folder of its own that holds only the case's files. A message must name the file or key,
 //! the place in it, and what is wrong; a case lists the parts that must appear.
 
+#![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
+
 use std::fmt::Write as _;
 use std::path::Path;
 use std::process::{Command, Output};

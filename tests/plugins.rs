@@ -1,5 +1,7 @@
 //! Robots and models from shared libraries, good and broken, as the program meets them.
 
+#![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
+
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
 

@@ -12,8 +12,10 @@ pub(super) fn study_page(study: &Study, findings: &Findings) -> String {
     };
     let recordings: Vec<_> = findings.recordings.iter().chain(&findings.validation_recordings).cloned().collect();
     let title = recordings.iter().map(|r| file_name(&r.path)).collect::<Vec<_>>().join(", ");
-    let subtitle = format!("{} identified by {}", study.model.name(), study.solver.name());
-    let facts = [("held out".to_owned(), format!("{} of the samples", study.holdout)), ("seed".to_owned(), study.seed.to_string())];
+    let done = if failure.is_some() { "could not be identified by" } else { "identified by" };
+    let subtitle = format!("{} {done} {}", study.model.name(), study.solver.name());
+    let facts =
+        [("held out".to_owned(), format!("{} % of the samples", 100.0 * study.holdout)), ("seed".to_owned(), study.seed.to_string())];
     report::html(&ReportInput {
         title: &title,
         subtitle: &subtitle,

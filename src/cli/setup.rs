@@ -21,7 +21,7 @@ use crate::toml_file::TomlFile;
 /// Share held out unless asked otherwise.
 const HOLDOUT: f64 = 0.3;
 const MODEL: &str = "vw-pd";
-const SOLVER: &str = "ols";
+const SOLVER: &str = "output-error";
 
 /// How recordings are read.
 #[derive(Debug, Clone, Default, Args)]
@@ -43,7 +43,7 @@ pub(super) struct StudyArguments {
     /// Profile of the robot: its dimensions, and the model its controller calls for
     #[arg(long, value_name = "robot.toml")]
     pub(super) robot: Option<PathBuf>,
-    /// Solver to use [default: ols]
+    /// Solver to use [default: output-error]
     #[arg(long, value_name = "NAME")]
     pub(super) solver: Option<String>,
     /// Share of the samples that no estimate sees [default: 0.3, or 0 with --validate]

@@ -94,9 +94,9 @@ proptest! {
         let factor = Factor::of(DMatrix::from_fn(5, 4, |i, j| if i < 3 && i == j { 2.0 + entries[i] } else { entries[4 * i + j] }));
         let (z, high) = (DVector::zeros(3), 0.3);
         let mut limits = Limits { g: DMatrix::zeros(6, 3), h: DVector::zeros(6) };
-        for i in 0..3 {
+        for (i, low) in low.iter().enumerate() {
             limits.g[(i, i)] = 1.0;
-            limits.h[i] = low[i];
+            limits.h[i] = *low;
             limits.g[(3 + i, i)] = -1.0;
             limits.h[3 + i] = -high;
         }
