@@ -169,10 +169,10 @@ fn limits_outside_reason_are_refused() {
 
 #[test]
 fn a_library_is_named_by_its_path_or_a_table() {
-    let entries = |text: &str| table(text).remove("plugins").unwrap().try_into::<Vec<PluginEntry>>();
+    let entries = |text: &str| table(text).remove("plugin").unwrap().try_into::<Vec<PluginEntry>>();
     let slow = PluginEntry { open_timeout_s: Some(60.0), ..PluginEntry::new("b.so") };
-    assert_eq!(entries("plugins = ['a.so', { path = 'b.so', open_timeout_s = 60 }]"), Ok(vec![PluginEntry::new("a.so"), slow]));
-    let error = entries("plugins = [3]").unwrap_err().to_string();
+    assert_eq!(entries("plugin = ['a.so', { path = 'b.so', open_timeout_s = 60 }]"), Ok(vec![PluginEntry::new("a.so"), slow]));
+    let error = entries("plugin = [3]").unwrap_err().to_string();
     assert!(error.contains("expected the path of a library, or a table with `path`"), "{error}");
 }
 

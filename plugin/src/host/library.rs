@@ -16,10 +16,10 @@ use crate::error::PluginError;
 use crate::host::offer::Offer;
 use crate::host::{file, read};
 
-/// A library as a configuration names it: by its path alone, or by a table with limits.
+/// A library as a configuration names it: a `[[plugin]]` table, or in short its path alone.
 ///
 /// ```toml
-/// plugins = ["libmy.so", { path = "libslow.so", open_timeout_s = 60 }]
+/// plugin = ["libmy.so", { path = "libslow.so", open_timeout_s = 60 }]
 /// ```
 #[derive(Debug, Clone, PartialEq)]
 pub struct PluginEntry {
