@@ -90,24 +90,21 @@ fn a_robot_and_a_model_in_rust_work_together() {
 }
 
 #[test]
-fn broken_libraries_end_the_program_with_a_reason_and_a_status() {
-    let robot = "type = \"mock\"";
-    for (defines, status, says) in [
-        (&["WRONG_VERSION"][..], 5, "interface"),
-        (&["NO_SYMBOL"][..], 5, "does not export"),
-        (&["NAN_OUTPUT"][..], 5, "`x`"),
-        (&["HANG_IN_STEP"][..], 5, "within"),
-    ] {
-        let folder = tempfile::tempdir().unwrap();
-        if compile("plugin/tests/broken/broken.c", defines, folder.path()).is_none() {
-            return;
-        }
-        let excitation = "[excitation]\ntype = \"signals\"\nduration = 5.0\n[[excitation.signals]]\nchannel = \"u\"\nkind = \"sine\"\namplitude = 1.0\nfrequency_hz = 0.5\n";
-        let config = format!("[[plugin]]\npath = \"libplugin.so\"\ncall_timeout_s = 0.5\n[robot]\n{robot}\n{excitation}");
-        let output = run(folder.path(), &config, &[]);
-        let said = String::from_utf8_lossy(&output.stderr);
-        assert_eq!(output.status.code(), Some(status), "{defines:?}: {said}");
-        assert!(said.contains(says) && !said.contains("panicked"), "{defines:?}: {said}");
+fn a_model_in_c_finds_the_truth_of_a_robot_in_c() {
+    let folder = tempfile::tempdir().unwrap();
+    let model = folder.path().join("model");
+    std::fs::create_dir(&model).unwrap();
+    if compile("examples/plugins/c/robot.c", &[], folder.path()).and(compile("examples/plugins/c/model.c", &[], &model)).is_none() {
+        return;
+    }
+    let both = format!("{}[model]\ntype = \"c-lag\"\n[[plugin]]\npath = \"model/libplugin.so\"\n", config("type = \"c-base\"\ntau = 0.25"));
+    let output = run(folder.path(), &both, &[]);
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let document: Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert_eq!(document["model"], "c-lag");
+    let theta = theta(&document);
+    for (value, expected) in theta.iter().zip([0.25, 1.0, 0.25, 1.0]) {
+        assert!((value - expected).abs() < 1e-3 * expected, "{theta:?}");
     }
 }
 

@@ -7,12 +7,16 @@
 
 use std::io::Write;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::mpsc::{self, Receiver, RecvTimeoutError};
+use std::sync::mpsc::{Receiver, RecvTimeoutError};
+use std::sync::{Arc, Condvar, Mutex, PoisonError};
 use std::thread;
 use std::time::Duration;
 
 /// True once a call was left behind.
 static ABANDONED: AtomicBool = AtomicBool::new(false);
+
+/// What is said of a thread that ended without a result.
+const ENDED: &str = "the thread that calls the plugin ended";
 
 /// Why there is no result.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -30,7 +34,7 @@ pub(crate) fn wait<T>(results: &Receiver<T>, limit: Duration) -> Result<T, Late>
             abandon();
             Late::Timeout
         }
-        RecvTimeoutError::Disconnected => Late::Lost("the thread that calls the plugin ended".to_owned()),
+        RecvTimeoutError::Disconnected => Late::Lost(ENDED.to_owned()),
     })
 }
 
@@ -45,12 +49,52 @@ pub(crate) fn start(name: &str, run: impl FnOnce() + Send + 'static) -> Result<(
     thread.map(drop).map_err(|e| Late::Lost(format!("no thread for the call could be started: {e}")))
 }
 
+/// Where a call leaves its result.
+enum Slot<T> {
+    Empty,
+    Result(T),
+    /// The thread ended without one.
+    Gone,
+}
+
+/// Fills the slot when its thread ends, by whatever way.
+struct Filler<T>(Arc<(Mutex<Slot<T>>, Condvar)>);
+
+impl<T> Filler<T> {
+    fn fill(&self, content: Slot<T>) {
+        let mut slot = self.0.0.lock().unwrap_or_else(PoisonError::into_inner);
+        if matches!(*slot, Slot::Empty) {
+            *slot = content;
+        }
+        self.0.1.notify_one();
+    }
+}
+
+impl<T> Drop for Filler<T> {
+    fn drop(&mut self) {
+        self.fill(Slot::Gone);
+    }
+}
+
 /// Runs `call` on a thread of its own for at most `limit`.
+///
+/// By mutex and condition variable, not by channel: a channel that waits registers a destructor of a thread-local with the C
+/// library, which takes the loader's lock, and a library that hangs while it is loaded holds that one.
 pub(crate) fn within<T: Send + 'static>(name: &str, limit: Duration, call: impl FnOnce() -> T + Send + 'static) -> Result<T, Late> {
-    let (sender, results) = mpsc::channel();
-    // A caller that stopped waiting is gone; then nobody wants the result.
-    start(name, move || drop(sender.send(call())))?;
-    wait(&results, limit)
+    let shared = Arc::new((Mutex::new(Slot::Empty), Condvar::new()));
+    let filler = Filler(shared.clone());
+    start(name, move || filler.fill(Slot::Result(call())))?;
+    let slot = shared.0.lock().unwrap_or_else(PoisonError::into_inner);
+    let waited = shared.1.wait_timeout_while(slot, limit, |slot| matches!(slot, Slot::Empty));
+    let (mut slot, _) = waited.unwrap_or_else(PoisonError::into_inner);
+    match std::mem::replace(&mut *slot, Slot::Gone) {
+        Slot::Result(result) => Ok(result),
+        Slot::Gone => Err(Late::Lost(ENDED.to_owned())),
+        Slot::Empty => {
+            abandon();
+            Err(Late::Timeout)
+        }
+    }
 }
 
 /// Ends the program with an exit status, as [`std::process::exit`], but does not wait for a plugin call that never

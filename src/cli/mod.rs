@@ -15,6 +15,7 @@ use std::path::PathBuf;
 use std::time::Duration;
 
 use clap::{Args, Parser, Subcommand};
+use wheelwright_core::model::ModelError;
 use wheelwright_plugin::watch_models;
 
 use crate::documents;
@@ -22,7 +23,7 @@ use crate::error::Error;
 use console::Console;
 
 /// A model plugin answers within microseconds; one that is silent for this long hangs.
-const MODEL_CALL: Duration = Duration::from_secs(20);
+const MODEL_CALL: Duration = Duration::from_secs(10);
 
 /// Learns the dynamics of wheeled mobile robots from recordings.
 #[derive(Debug, Parser)]
@@ -85,9 +86,12 @@ pub fn main() -> u8 {
         }
     };
     let console = Console::new(cli.shared.json, cli.shared.quiet);
-    watch_models(MODEL_CALL, |model| {
-        Console::new(false, false).error(&format!("model plugin `{model}` has not returned from a call; the program ends"));
-        wheelwright_plugin::exit(5);
+    let (json, quiet) = (cli.shared.json, cli.shared.quiet);
+    watch_models(MODEL_CALL, move |model| {
+        let reason = format!("a call has not returned within {} s", MODEL_CALL.as_secs());
+        let error = Error::Identify(ModelError::Plugin { model: model.to_owned(), reason }.into());
+        report_failure(&error, &Console::new(json, quiet));
+        wheelwright_plugin::exit(i32::from(error.status()));
     });
     let outcome = match &cli.command {
         Command::Run(arguments) => run::run(arguments, &cli.shared, &console),

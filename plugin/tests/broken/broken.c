@@ -18,6 +18,10 @@ static const ww_parameter PARAMETERS[] = {
     {"b", "1", "gain", "", -1, INFINITY},
 };
 
+#ifndef HANG_AT_ONCE
+#define HANG_AT_ONCE 0
+#endif
+
 /* Counts calls, so that a test sees what the host did. */
 WW_EXPORT int ww_test_stops = 0;
 WW_EXPORT int ww_test_closes = 0;
@@ -75,7 +79,7 @@ static ww_status measure(void *handle, double *time, double *measured, const ww_
     (void)message;
     *time = *(double *)handle;
     measured[0] = 1.0;
-#if defined(NAN_OUTPUT)
+#if defined(NAN_OUTPUT) || defined(NAN_MEASURED)
     measured[1] = NAN;
 #elif defined(FORGOTTEN_OUTPUT)
 #else
@@ -91,7 +95,7 @@ static ww_status step(void *handle, const double *command, double *time, double 
 {
     char text[5000];
 #ifdef HANG_IN_STEP
-    if (command[0] > 0)
+    if (command[0] > 0 || HANG_AT_ONCE)
         hang();
 #endif
     if (command[0] >= 1) {
