@@ -96,6 +96,8 @@ impl<'a> Simulator<'a> {
     #[must_use]
     pub fn with_readout(mut self, readout: Readout) -> Self {
         self.readout = readout;
+        self.weights.integrates = readout == Readout::IntervalMean;
+        self.weights.step = f64::NAN;
         self
     }
 

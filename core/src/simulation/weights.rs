@@ -24,6 +24,8 @@ pub(super) struct Weights {
     pub(super) last: Vec<f64>,
     /// The four above for the integral of the state over the step: one index of φ and one power of h higher.
     pub(super) integral: [Vec<f64>; 4],
+    /// Whether the integral is wanted.
+    pub(super) integrates: bool,
 }
 
 impl Weights {
@@ -38,6 +40,7 @@ impl Weights {
             middle: square(),
             last: square(),
             integral: [square(), square(), square(), square()],
+            integrates: false,
         }
     }
 
@@ -80,6 +83,9 @@ impl Weights {
         store(&mut self.first, &first);
         store(&mut self.middle, &middle);
         store(&mut self.last, &last);
+        if !self.integrates {
+            return;
+        }
         let (first, middle, last) = pattern(2, h * h);
         store(&mut self.integral[0], &full[1].times(h));
         store(&mut self.integral[1], &first);

@@ -3,6 +3,10 @@
 //! Unknown are the free parameters z and, as nuisance, the outputs at the start of every stretch. The latter act on
 //! their own stretch only: each stretch is triangularised by itself with its start in front, which eliminates it, and
 //! only the small triangles are stacked. A hundred stretches cost no more than one as long.
+//!
+//! Velocities that a driver differenced from counts are summed up again and compared as distances: the rounding of a
+//! count is independent from sample to sample, that of a difference is not, and no autoregression of finite order makes
+//! it so. Where each encoder stood between two counts at the start is one more unknown.
 
 use nalgebra::{DMatrix, DVector};
 use wheelwright_core::model::ModelError;
@@ -19,8 +23,7 @@ pub(super) struct FreeRun<'a> {
     transform: DMatrix<f64>,
     /// Plausible size of each free parameter, for the difference steps.
     scale: Vec<f64>,
-    /// First row of a stretch that is compared.
-    first: usize,
+    readout: Readout,
     pub(super) noise: Noise,
     z: DVector<f64>,
     starts: Vec<DVector<f64>>,
@@ -41,10 +44,9 @@ impl<'a> FreeRun<'a> {
         let starts: Vec<DVector<f64>> =
             problem.data.stretches.iter().map(|s| DVector::from_iterator(s.outputs.len(), s.outputs.iter().map(|c| c[0]))).collect();
         let simulator = Simulator::new(problem.model, &problem.map.theta(z.as_slice()))?.with_readout(readout);
-        let first = usize::from(readout == Readout::IntervalMean);
         let trial = (z.clone(), starts.clone());
         let transform = transform.clone();
-        let mut run = Self { problem, simulator, transform, scale, first, noise, z, starts, trial, eliminated: Vec::new() };
+        let mut run = Self { problem, simulator, transform, scale, readout, noise, z, starts, trial, eliminated: Vec::new() };
         run.choose_step()?;
         Ok(run)
     }
@@ -80,12 +82,12 @@ impl<'a> FreeRun<'a> {
     /// Simulated minus measured, of every stretch.
     pub(super) fn errors(&mut self) -> Result<Vec<Channels>, ModelError> {
         self.simulator.set_theta(&self.problem.map.theta(self.z.as_slice()))?;
-        (0..self.starts.len()).map(|s| stretch_errors(self.problem, &mut self.simulator, s, &self.starts[s], self.first)).collect()
+        (0..self.starts.len()).map(|s| stretch_errors(self.problem, &mut self.simulator, s, self.readout, &self.starts[s])).collect()
     }
 
     /// Compared values less unknowns.
     pub(super) fn freedom(&self) -> f64 {
-        let values: usize = self.problem.data.stretches.iter().map(|s| (s.len() - self.first) * s.outputs.len()).sum();
+        let values: usize = self.problem.data.stretches.iter().map(|s| s.len() * s.outputs.len()).sum();
         let unknowns = self.z.len() + self.starts.iter().map(DVector::len).sum::<usize>();
         values.saturating_sub(unknowns).max(1) as f64
     }
@@ -109,17 +111,19 @@ impl<'a> FreeRun<'a> {
     /// Whitened columns: start, parameters, error.
     fn columns(&mut self, s: usize, directions: &[Direction]) -> Result<DMatrix<f64>, ModelError> {
         let stretch = &self.problem.data.stretches[s];
-        let error = stretch_errors(self.problem, &mut self.simulator, s, &self.starts[s], self.first)?;
-        let found = self.simulator.sensitivities(stretch, self.starts[s].as_slice(), directions)?;
-        let columns = found.initial.into_iter().chain(found.parameters).map(|mut column| {
-            column.iter_mut().for_each(|c| {
-                c.drain(..self.first);
-            });
+        let (rows, outputs) = (stretch.len(), stretch.outputs.len());
+        let error = stretch_errors(self.problem, &mut self.simulator, s, self.readout, &self.starts[s])?;
+        let found = self.simulator.sensitivities(stretch, &self.starts[s].as_slice()[..outputs], directions)?;
+        let summed = |mut column: Channels| {
+            if self.readout == Readout::IntervalMean {
+                sum_up(&mut column, &stretch.time);
+            }
             column
-        });
-        let rows = stretch.len() - self.first;
-        let outputs = stretch.outputs.len();
-        let mut matrix = DMatrix::zeros(rows * outputs, outputs + directions.len() + 1);
+        };
+        let offset = |c: usize| (0..outputs).map(|i| vec![f64::from(u8::from(i == c)); rows]).collect::<Channels>();
+        let offsets = (0..self.starts[s].len() - outputs).map(offset);
+        let columns = found.initial.into_iter().map(summed).chain(offsets).chain(found.parameters.into_iter().map(summed));
+        let mut matrix = DMatrix::zeros(rows * outputs, self.starts[s].len() + directions.len() + 1);
         for (j, mut column) in columns.chain(std::iter::once(error)).enumerate() {
             self.noise.whiten(&mut column);
             for (c, series) in column.iter().enumerate() {
@@ -130,19 +134,37 @@ impl<'a> FreeRun<'a> {
     }
 }
 
+/// Interval means times intervals, summed up; the first row, of which there is no mean, is where the sum starts.
+pub(super) fn sum_up(column: &mut Channels, time: &[f64]) {
+    for series in column {
+        let mut sum = 0.0;
+        for k in 0..series.len() {
+            sum += if k == 0 { 0.0 } else { series[k] * (time[k] - time[k - 1]) };
+            series[k] = sum;
+        }
+    }
+}
+
 fn stretch_errors(
     problem: &Problem<'_>,
     simulator: &mut Simulator<'_>,
     s: usize,
+    readout: Readout,
     start: &DVector<f64>,
-    first: usize,
 ) -> Result<Channels, ModelError> {
     let stretch = &problem.data.stretches[s];
-    let mut run = vec![Vec::new(); stretch.outputs.len()];
-    simulator.run(stretch, start.as_slice(), &mut run)?;
+    let outputs = stretch.outputs.len();
+    let (state, offsets) = start.as_slice().split_at(outputs);
+    let mut run = vec![Vec::new(); outputs];
+    simulator.run(stretch, state, &mut run)?;
     for (simulated, measured) in run.iter_mut().zip(&stretch.outputs) {
         simulated.iter_mut().zip(measured).for_each(|(s, m)| *s -= m);
-        simulated.drain(..first);
+    }
+    if readout == Readout::IntervalMean {
+        sum_up(&mut run, &stretch.time);
+    }
+    for (error, offset) in run.iter_mut().zip(offsets) {
+        error.iter_mut().for_each(|e| *e += offset);
     }
     Ok(run)
 }
@@ -151,7 +173,7 @@ impl Residuals for FreeRun<'_> {
     fn linearise(&mut self) -> Result<Factor, SolveError> {
         let directions = self.directions();
         self.simulator.set_theta(&self.problem.map.theta(self.z.as_slice()))?;
-        let (n, free) = (self.problem.data.outputs.len(), self.z.len());
+        let (n, free) = (self.starts.first().map_or(0, DVector::len), self.z.len());
         let mut eliminated = Vec::with_capacity(self.starts.len());
         let mut stacked = DMatrix::zeros(self.starts.len() * (free + 1), free + 1);
         for s in 0..self.starts.len() {
@@ -167,7 +189,7 @@ impl Residuals for FreeRun<'_> {
     }
 
     fn attempt(&mut self, step: &DVector<f64>) -> f64 {
-        let n = self.problem.data.outputs.len();
+        let n = self.starts.first().map_or(0, DVector::len);
         self.trial.0 = &self.z + step;
         for ((trial, start), Factor { r, q, .. }) in self.trial.1.iter_mut().zip(&self.starts).zip(&self.eliminated) {
             let right = -(q.rows(0, n) + r.view((0, n), (n, step.len())) * step);
@@ -179,7 +201,7 @@ impl Residuals for FreeRun<'_> {
         }
         let mut cost = 0.0;
         for (s, start) in self.trial.1.iter().enumerate() {
-            let Ok(mut errors) = stretch_errors(self.problem, &mut self.simulator, s, start, self.first) else { return f64::INFINITY };
+            let Ok(mut errors) = stretch_errors(self.problem, &mut self.simulator, s, self.readout, start) else { return f64::INFINITY };
             self.noise.whiten(&mut errors);
             cost += errors.iter().flatten().map(|e| e * e).sum::<f64>();
         }

@@ -12,6 +12,7 @@ mod start;
 
 use nalgebra::{DMatrix, DVector};
 use serde::{Deserialize, Serialize};
+use wheelwright_core::Stretch;
 use wheelwright_core::simulation::Readout;
 use wheelwright_core::solver::{Problem, Solution, SolveError, Solver, Status};
 
@@ -19,7 +20,7 @@ use crate::Ols;
 use crate::least_squares::{Limits, Options, Outcome, minimise};
 use free_run::FreeRun;
 use intervals::{Intervals, not_identifiable};
-use noise::Noise;
+use noise::{Channels, Noise};
 use start::Integrals;
 
 /// Simulation error below this share of an output's largest value is numerical error, not noise.
@@ -112,7 +113,8 @@ impl<'a> Fit<'a> {
         let transform = DMatrix::from_row_slice(parameters, free, &problem.map.matrix);
         let offset = DVector::from_column_slice(&problem.map.offset);
         let limits = limits(problem, &transform, &offset)?;
-        let largest = |c: usize| problem.data.stretches.iter().flat_map(|s| &s.outputs[c]).fold(0.0_f64, |m, x| m.max(x.abs()));
+        let compared = compared(problem, settings.velocity);
+        let largest = |c: usize| compared.iter().flat_map(|s| &s[c]).fold(0.0_f64, |m, x| m.max(x.abs()));
         let all = (0..outputs).map(largest).fold(f64::MIN_POSITIVE, f64::max);
         let floor = (0..outputs).map(|c| NUMERICAL * largest(c).max(1e-6 * all)).collect();
         Ok(Self { settings, problem, transform, offset, limits, integrals: Integrals::new(problem), floor })
@@ -233,8 +235,9 @@ impl<'a> Fit<'a> {
 
     /// Root mean square of each output about its mean, at least its numerical error.
     fn spread(&self) -> Vec<f64> {
+        let compared = compared(self.problem, self.settings.velocity);
         let of = |(c, floor): (usize, &f64)| {
-            let values = || self.problem.data.stretches.iter().flat_map(|s| &s.outputs[c]);
+            let values = || compared.iter().flat_map(|s| &s[c]);
             let count = values().count() as f64;
             let mean = values().sum::<f64>() / count;
             (values().map(|v| (v - mean).powi(2)).sum::<f64>() / count).sqrt().max(*floor)
@@ -264,6 +267,18 @@ impl<'a> Fit<'a> {
             format!("autoregressive noise: {}; fit and noise model settled in {rounds} round(s)", noise.join(", ")),
         ]
     }
+}
+
+/// The recording as it is compared: outputs, or distances if they are means over intervals.
+fn compared(problem: &Problem<'_>, velocity: Velocity) -> Vec<Channels> {
+    let of = |stretch: &Stretch| {
+        let mut outputs = stretch.outputs.clone();
+        if velocity == Velocity::Difference {
+            free_run::sum_up(&mut outputs, &stretch.time);
+        }
+        outputs
+    };
+    problem.data.stretches.iter().map(of).collect()
 }
 
 /// Bounds of θ = T z + c as G z ≥ h.
