@@ -62,7 +62,8 @@ const VARIANTS: [Variant; 7] = [
     Variant { name: "10hz", theta: B0, deviation: B0_NOISE, period: 0.1, duration: 150.0, jitter: 0.0, noise: Noise::White },
     Variant { name: "3.3hz", theta: B0, deviation: B0_NOISE, period: 0.3, duration: 150.0, jitter: 0.0, noise: Noise::White },
     Variant { name: "jitter", theta: B0, deviation: B0_NOISE, period: 0.05, duration: 150.0, jitter: 0.3, noise: Noise::White },
-    Variant { name: "encoder", theta: B0, deviation: B0_NOISE, period: 0.05, duration: 150.0, jitter: 0.0, noise: Noise::Encoder },
+    // Without a little jitter every seed would round the same distances, shifted by one random number a wheel.
+    Variant { name: "encoder", theta: B0, deviation: B0_NOISE, period: 0.05, duration: 150.0, jitter: 0.02, noise: Noise::Encoder },
     Variant { name: "khepera", theta: KHEPERA, deviation: KHEPERA_NOISE, period: 0.02, duration: 120.0, jitter: 0.0, noise: Noise::White },
 ];
 
@@ -246,8 +247,8 @@ fn main() -> Result<(), Box<dyn Error>> {
     for variant in VARIANTS.iter().filter(chosen) {
         let bounds = variant.bounds(&*model, &variant.recording(0))?;
         println!("\n{} ({} s at {:.1} Hz, {seeds} seeds)", variant.name, variant.duration, 1.0 / variant.period);
-        println!("{:<22} {:<12} {}", "", "", ["theta1", "theta2", "theta3", "theta4", "theta5", "theta6"].map(|n| format!("{n:>8}")).concat());
-        println!("{:<22} {:<12} {}", "Cramér-Rao bound", "", bounds.map(|b| format!(" {b:7.1e}")).concat());
+        println!("{:<22} {:<13} {}", "", "", ["theta1", "theta2", "theta3", "theta4", "theta5", "theta6"].map(|n| format!("{n:>8}")).concat());
+        println!("{:<22} {:<13} {}", "Cramér-Rao bound", "", bounds.map(|b| format!(" {b:7.1e}")).concat());
         let velocity = variant.velocity();
         let mut solvers: Vec<(&str, Box<dyn Solver>)> = vec![("output-error", Box::new(OutputError { velocity, ..OutputError::default() }))];
         if matches!(variant.noise, Noise::Autoregressive(_)) {

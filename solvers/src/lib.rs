@@ -10,6 +10,7 @@
 //! | `box` | the same within bounds | yes |
 //! | `steady-state` | the equations at rest over constant stretches; the rest by `ols` | no |
 //! | `output-error` | the free-run simulation error, weighted by its noise model: the reference | yes |
+//! | `recursive` | the integral form of the regression, sample by sample in constant memory | no |
 //!
 //! All honour [`ParameterMap`](wheelwright_core::ParameterMap), θ = T z + c: columns Φ T, response y − Φ c. Only
 //! `output-error` states standard errors: residuals of a filtered regression are so strongly correlated that the textbook formula covers
@@ -21,6 +22,7 @@ mod least_squares;
 mod ols;
 mod output_error;
 mod quadratic;
+mod recursive;
 mod regression;
 mod steady_state;
 mod thesis;
@@ -31,6 +33,7 @@ pub use hold::Hold;
 pub use ols::Ols;
 pub use output_error::{OutputError, Velocity};
 pub use quadratic::Quadratic;
+pub use recursive::{Estimator, Recursive};
 pub use regression::{LeastSquares, SolverRegression, System};
 pub use steady_state::SteadyState;
 pub use thesis::Thesis;

@@ -78,7 +78,7 @@ impl Intervals {
 }
 
 /// The error for free parameters that cannot be told from the data, with the motion that would show them.
-pub(super) fn not_identifiable(problem: &Problem<'_>, transform: &DMatrix<f64>, hidden: &[usize]) -> Option<SolveError> {
+pub(crate) fn not_identifiable(problem: &Problem<'_>, transform: &DMatrix<f64>, hidden: &[usize]) -> Option<SolveError> {
     let mut missing: Vec<&str> = Vec::new();
     for (i, parameter) in problem.model.parameters().iter().enumerate() {
         let touched = hidden.iter().any(|&j| transform[(i, j)] != 0.0);

@@ -19,7 +19,8 @@ use wheelwright_core::solver::{Problem, Solution, SolveError, Solver, Status};
 use crate::Ols;
 use crate::least_squares::{Limits, Options, Outcome, minimise};
 use free_run::FreeRun;
-use intervals::{Intervals, not_identifiable};
+use intervals::Intervals;
+pub(crate) use intervals::not_identifiable;
 use noise::{Channels, Noise};
 use start::Integrals;
 
