@@ -80,7 +80,9 @@ impl Variant {
 
     fn stamps(&self, random: &mut StdRng) -> Vec<f64> {
         let rows = (self.duration / self.period).round() as usize;
-        (0..rows).map(|k| self.period * (k as f64 + if self.jitter > 0.0 { random.random_range(-self.jitter..self.jitter) } else { 0.0 })).collect()
+        (0..rows)
+            .map(|k| self.period * (k as f64 + if self.jitter > 0.0 { random.random_range(-self.jitter..self.jitter) } else { 0.0 }))
+            .collect()
     }
 
     /// v, omega, distance and heading at the stamps, from rest, under commands held between them.
@@ -146,7 +148,8 @@ impl Variant {
     /// estimators linear in the counts, whose rounding errors are taken as independent.
     fn bounds(&self, model: &dyn RegressorModel, recording: &Stretch) -> Result<Theta, Box<dyn Error>> {
         let readout = if self.noise == Noise::Encoder { Readout::IntervalMean } else { Readout::Instantaneous };
-        let mut simulator = Simulator::new(model, &self.theta)?.with_readout(readout).with_max_step(self.theta[0].min(self.theta[1]) / 20.0);
+        let mut simulator =
+            Simulator::new(model, &self.theta)?.with_readout(readout).with_max_step(self.theta[0].min(self.theta[1]) / 20.0);
         let direction = |i: usize| Direction {
             along: (0..6).map(|k| f64::from(u8::from(k == i))).collect(),
             step: DIFFERENCE * self.theta[i].abs().max(0.01),
@@ -158,7 +161,9 @@ impl Variant {
             columns.push(match self.noise {
                 Noise::White => (0..2).flat_map(|c| column[c].iter().map(move |s| s / self.deviation[c])).collect(),
                 Noise::Autoregressive(a) => {
-                    let white = |c: usize, k: usize| if k == 0 { column[c][0] } else { (column[c][k] - a * column[c][k - 1]) / (1.0 - a * a).sqrt() };
+                    let white = |c: usize, k: usize| {
+                        if k == 0 { column[c][0] } else { (column[c][k] - a * column[c][k - 1]) / (1.0 - a * a).sqrt() }
+                    };
                     (0..2).flat_map(|c| (0..rows).map(move |k| (c, k))).map(|(c, k)| white(c, k) / self.deviation[c]).collect()
                 }
                 Noise::Encoder => wheel_positions(column, &recording.time),
@@ -247,10 +252,16 @@ fn main() -> Result<(), Box<dyn Error>> {
     for variant in VARIANTS.iter().filter(chosen) {
         let bounds = variant.bounds(&*model, &variant.recording(0))?;
         println!("\n{} ({} s at {:.1} Hz, {seeds} seeds)", variant.name, variant.duration, 1.0 / variant.period);
-        println!("{:<22} {:<13} {}", "", "", ["theta1", "theta2", "theta3", "theta4", "theta5", "theta6"].map(|n| format!("{n:>8}")).concat());
+        println!(
+            "{:<22} {:<13} {}",
+            "",
+            "",
+            ["theta1", "theta2", "theta3", "theta4", "theta5", "theta6"].map(|n| format!("{n:>8}")).concat()
+        );
         println!("{:<22} {:<13} {}", "Cramér-Rao bound", "", bounds.map(|b| format!(" {b:7.1e}")).concat());
         let velocity = variant.velocity();
-        let mut solvers: Vec<(&str, Box<dyn Solver>)> = vec![("output-error", Box::new(OutputError { velocity, ..OutputError::default() }))];
+        let mut solvers: Vec<(&str, Box<dyn Solver>)> =
+            vec![("output-error", Box::new(OutputError { velocity, ..OutputError::default() }))];
         if matches!(variant.noise, Noise::Autoregressive(_)) {
             solvers.push(("  taking noise as white", Box::new(OutputError { velocity, coloured: false, ..OutputError::default() })));
         }
