@@ -307,7 +307,14 @@ fn too_little() -> Vec<Case> {
     };
     vec![
         csv_case("never turned", only(0), 3, &["theta2", "theta6", "turn"]),
-        csv_case("two seconds", csv_with(HEADER, 40, |_, _| ()), 3, &["samples"]),
+        case(
+            "two seconds for a filter that takes more",
+            vec![("log.csv", csv_with(HEADER, 40, |_, _| ()))],
+            "identify log.csv --solver ols",
+            3,
+            &["samples", "record at least"],
+        ),
+        csv_case("four rows", csv_with(HEADER, 4, |_, _| ()), 3, &["usable samples", "record at least"]),
     ]
 }
 
