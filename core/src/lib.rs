@@ -10,6 +10,7 @@
 //! no file format, wire or plugin: signal conditioning, free-run simulation, identification and validation.
 
 pub mod agreement;
+pub mod ceiling;
 pub mod channel;
 pub mod config;
 pub mod conformance;

@@ -76,6 +76,21 @@ impl Autoregression {
         }
     }
 
+    /// 1/H times every column of a block whose rows are one stretch; the first rows, as many as coefficients, lack their past.
+    pub(crate) fn whiten_all(&self, block: &mut DMatrix<f64>) {
+        let rows = block.nrows();
+        if rows == 0 {
+            return;
+        }
+        for column in block.as_mut_slice().chunks_exact_mut(rows) {
+            for k in (0..rows).rev() {
+                let past = column[..k].iter().rev();
+                let foreseen: f64 = self.coefficients.iter().zip(past).map(|(a, x)| a * x).sum();
+                column[k] -= foreseen;
+            }
+        }
+    }
+
     /// Autocorrelation of e at lags 0, 1, … until it has died away, at most `lags` of them: the filter's own, free of the
     /// sampling noise of measured autocorrelations.
     pub(crate) fn autocorrelation(&self, lags: usize) -> Vec<f64> {
@@ -99,6 +114,12 @@ impl Autoregression {
     pub(crate) fn effective_samples(&self, samples: usize) -> f64 {
         let rho = self.autocorrelation(samples);
         samples as f64 / (1.0 + 2.0 * rho[1.min(rho.len())..].iter().sum::<f64>()).max(f64::MIN_POSITIVE)
+    }
+
+    /// Number of independent samples that would determine a variance as well (Bartlett: squared correlations count).
+    pub(crate) fn effective_samples_of_variance(&self, samples: usize) -> f64 {
+        let rho = self.autocorrelation(samples);
+        samples as f64 / (1.0 + 2.0 * rho[1.min(rho.len())..].iter().map(|r| r * r).sum::<f64>())
     }
 }
 

@@ -1,0 +1,255 @@
+//! Noise ceiling: the free-run fit that no model of these commands is expected to exceed on held-out data.
+//!
+//! A recording is what the robot does in answer to its commands, plus what no command explains. The second part, white or
+//! coloured, bounds every free run: fit ≤ 100 (1 − ‖e‖/‖y − mean y‖). To estimate ‖e‖, a model far more flexible than any of physics
+//! is fitted: a sparse combination of filtered commands and filtered nonlinear functions of commands and of simulated
+//! outputs, chosen and weighted under the noise's own colour. What it leaves, corrected for what it took of the noise in the data
+//! fitted and for what its own errors add to the held-out data, is the estimate of e. `docs/evidence.md` says what this assumes.
+
+mod features;
+mod narx;
+mod selection;
+#[cfg(test)]
+mod tests;
+
+use nalgebra::DMatrix;
+use serde::Serialize;
+
+use crate::dataset::{Dataset, Stretch};
+use crate::model::RegressorModel;
+use crate::noise::Autoregression;
+use crate::simulation::Simulator;
+use crate::solver::SolveError;
+use features::Library;
+use selection::{Chosen, Penalty, choose};
+
+/// Fewer training samples than this carry no flexible model.
+const FEWEST: usize = 100;
+/// More training samples than this only cost time: the noise level is then known to a hundredth.
+const MOST: usize = 6000;
+/// Ceiling of one output. All fits are free runs on the held-out data, in percent.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct OutputCeiling {
+    /// Output.
+    pub output: String,
+    /// Estimate of the best fit that any model could reach; `None` if the output never changes in the held-out data.
+    pub fit: Option<f64>,
+    /// From what a model was seen to reach to the 95 % upper bound of the estimate.
+    pub range: Option<(f64, f64)>,
+    /// The ceiling if only the unforeseeable part of the residual were noise, and its memory were dynamics yet to be found.
+    pub innovations: Option<f64>,
+    /// What the flexible model itself reaches.
+    pub flexible: Option<f64>,
+    /// What a short NARX model reaches; `None` also if its free run diverges.
+    pub narx: Option<f64>,
+    /// Standard deviation of what no command explains, in the output's unit.
+    pub noise: f64,
+    /// Terms of the flexible model.
+    pub terms: usize,
+    /// The result in a sentence.
+    pub statement: String,
+}
+
+/// Estimates the ceiling of each output. The base model lends its simulation as a reference; where it diverges the flexible model
+/// does without. With nothing held out the fits are on the training data.
+///
+/// # Errors
+/// [`SolveError::TooFewSamples`] below 100 training samples.
+pub fn estimate(model: &dyn RegressorModel, theta: &[f64], train: &Dataset, held_out: &Dataset) -> Result<Vec<OutputCeiling>, SolveError> {
+    let fitted = shortened(train);
+    if fitted.samples() < FEWEST {
+        let (samples, parameters) = (fitted.samples(), model.parameters().len());
+        let what = "holding out".to_owned();
+        return Err(SolveError::TooFewSamples { samples, parameters, what, needed_s: (FEWEST as f64 * train.period()).ceil() });
+    }
+    let held_out = if held_out.stretches.is_empty() { train } else { held_out };
+    let library = Library::new(&fitted);
+    let base = simulate(model, theta, &fitted).zip(simulate(model, theta, held_out));
+    let parts = match &base {
+        Some((first, second)) => [Part::new(&library, &fitted, Some(first)), Part::new(&library, held_out, Some(second))],
+        None => with_own_reference(&library, &fitted, held_out),
+    };
+    let narx = narx::yardstick(&fitted, held_out);
+    let of = |i: usize| {
+        let base = base.as_ref().and_then(|(_, held)| fit_percent(&pairs(held_out, held, i)));
+        ceiling(&parts, i, narx[i], base)
+    };
+    Ok((0..train.outputs.len()).map(of).collect())
+}
+
+/// A data set with the columns of its flexible model.
+#[derive(Debug)]
+struct Part<'a> {
+    data: &'a Dataset,
+    columns: Vec<DMatrix<f64>>,
+    /// Rows at the start of each stretch that say nothing on the noise.
+    skip: Vec<usize>,
+}
+
+impl<'a> Part<'a> {
+    fn new(library: &Library, data: &'a Dataset, reference: Option<&[Vec<Vec<f64>>]>) -> Self {
+        let skip = data.stretches.iter().map(|s| library.unsettled(s)).collect();
+        Self { data, columns: library.of(data, reference), skip }
+    }
+
+    fn samples(&self) -> usize {
+        self.data.samples() - self.skip.iter().sum::<usize>()
+    }
+
+    /// Gram matrix of columns and output under the noise's colour.
+    fn gram(&self, output: usize, ar: &Autoregression) -> DMatrix<f64> {
+        let p = self.columns.first().map_or(0, DMatrix::ncols);
+        let mut gram = DMatrix::zeros(p + 1, p + 1);
+        for ((stretch, columns), skip) in self.data.stretches.iter().zip(&self.columns).zip(&self.skip) {
+            let mut rows = columns.clone().insert_column(p, 0.0);
+            rows.column_mut(p).copy_from_slice(&stretch.outputs[output]);
+            ar.whiten_all(&mut rows);
+            let whole = rows.rows_range(ar.coefficients.len().max(*skip).min(rows.nrows())..);
+            gram += whole.tr_mul(&whole);
+        }
+        gram
+    }
+
+    fn predicted(&self, chosen: &Chosen) -> Vec<Vec<f64>> {
+        let of = |c: &DMatrix<f64>| (c.select_columns(&chosen.columns) * &chosen.coefficients).as_slice().to_vec();
+        self.columns.iter().map(of).collect()
+    }
+
+    /// What the chosen columns leave, by stretch.
+    fn left(&self, output: usize, chosen: &Chosen) -> Vec<Vec<f64>> {
+        let each = self.data.stretches.iter().zip(self.predicted(chosen)).zip(&self.skip);
+        each.map(|((s, run), skip)| s.outputs[output].iter().zip(run).skip(*skip).map(|(y, x)| y - x).collect()).collect()
+    }
+
+    /// XᵀX of the chosen columns.
+    fn energy(&self, chosen: &Chosen) -> DMatrix<f64> {
+        let mut gram = DMatrix::zeros(chosen.columns.len(), chosen.columns.len());
+        for (columns, skip) in self.columns.iter().zip(&self.skip) {
+            let x = columns.rows_range(*skip..).select_columns(&chosen.columns);
+            gram += x.tr_mul(&x);
+        }
+        gram
+    }
+}
+
+/// Outputs of each stretch, simulated from its first sample; `None` if any cannot be.
+fn simulate(model: &dyn RegressorModel, theta: &[f64], data: &Dataset) -> Option<Vec<Vec<Vec<f64>>>> {
+    let mut simulator = Simulator::new(model, theta).ok()?;
+    data.stretches.iter().map(|s| simulator.run_measured(s).ok()).collect()
+}
+
+/// Parts whose reference is the simulation of a flexible model that has none.
+fn with_own_reference<'a>(library: &Library, train: &'a Dataset, held_out: &'a Dataset) -> [Part<'a>; 2] {
+    let parts = [train, held_out].map(|d| Part::new(library, d, None));
+    let fits: Vec<Fit> = (0..train.outputs.len()).map(|i| Fit::of(&parts[0], i)).collect();
+    parts.map(|part| {
+        let by_output: Vec<Vec<Vec<f64>>> = fits.iter().map(|f| part.predicted(&f.chosen)).collect();
+        let reference: Vec<Vec<Vec<f64>>> =
+            (0..part.data.stretches.len()).map(|s| by_output.iter().map(|runs| runs[s].clone()).collect()).collect();
+        Part::new(library, part.data, Some(&reference))
+    })
+}
+
+/// Stretches cut in proportion, at most [`MOST`] samples in all.
+fn shortened(data: &Dataset) -> Dataset {
+    let share = (MOST as f64 / data.samples().max(1) as f64).min(1.0);
+    let cut = |s: &Stretch| s.slice(0..((share * s.len() as f64) as usize).clamp(2, s.len()));
+    Dataset { stretches: data.stretches.iter().map(cut).collect(), ..data.clone() }
+}
+
+/// The flexible model of one output.
+#[derive(Debug)]
+struct Fit {
+    chosen: Chosen,
+    ar: Autoregression,
+}
+
+impl Fit {
+    /// Saturates the model first: what a generous choice leaves has the noise's colour, while a residual with dynamics still in
+    /// it would pass them off as colour. Then chooses strictly under that colour.
+    fn of(part: &Part<'_>, output: usize) -> Self {
+        let samples = part.samples() as f64;
+        let white = Autoregression { coefficients: Vec::new(), innovation: 1.0, variance: 1.0 };
+        let saturated = choose(&part.gram(output, &white), samples, Penalty::Akaike);
+        let chosen = choose(&part.gram(output, &colour(&part.left(output, &saturated))), samples, Penalty::ExtendedBayes);
+        let ar = colour(&part.left(output, &chosen));
+        Self { chosen, ar }
+    }
+
+    /// σw² tr((XwᵀXw)⁻¹ XᵀX): the noise energy that the fit took out of its own data, and that its errors add to other data.
+    fn disturbance(&self, part: &Part<'_>, samples: usize) -> f64 {
+        let freedom = 1.0 - self.chosen.columns.len() as f64 / samples as f64;
+        self.ar.innovation / freedom * (&self.chosen.inverse * part.energy(&self.chosen)).trace()
+    }
+}
+
+fn colour(residuals: &[Vec<f64>]) -> Autoregression {
+    Autoregression::fit(&residuals.iter().map(Vec::as_slice).collect::<Vec<_>>())
+}
+
+fn ceiling(parts: &[Part<'_>; 2], output: usize, narx: Option<f64>, base: Option<f64>) -> OutputCeiling {
+    let [train, held_out] = parts;
+    let fit = Fit::of(train, output);
+    let samples = [train.samples(), held_out.samples()];
+    let left = |part: &Part<'_>| part.left(output, &fit.chosen).iter().flatten().map(|e| e * e).sum::<f64>();
+    let predicted = held_out.predicted(&fit.chosen);
+    let measured = held_out.data.stretches.iter().zip(&predicted);
+    let held: Vec<(f64, f64)> = measured.flat_map(|(s, run)| s.outputs[output].iter().copied().zip(run.iter().copied())).collect();
+    let spread = spread(&held);
+    let percent = |variance: f64| (spread > 0.0).then(|| 100.0 * (1.0 - (variance * held.len() as f64 / spread).sqrt()));
+    let flexible = fit_percent(&held);
+    let reached = [flexible, narx, base].into_iter().flatten().fold(f64::NEG_INFINITY, f64::max);
+    // What any model leaves bounds the noise, should the flexible one not carry over to the held-out data.
+    let fitted = left(train) + fit.disturbance(train, samples[0]);
+    let bound = samples[1] as f64 / held.len() as f64 * spread * (1.0 - 0.01 * reached).powi(2);
+    let other = (left(held_out) - fit.disturbance(held_out, samples[0])).max(0.0).min(bound);
+    let variance = (fitted + other) / (samples[0] + samples[1]) as f64;
+    let independent = |n: usize| fit.ar.effective_samples_of_variance(n);
+    let relative = (2.0 / independent(samples[0] + samples[1]) + 2.0 / independent(samples[1])).sqrt();
+    let expected = percent(variance).map(|c| c.max(reached));
+    let highest = percent(variance * (1.0 - 1.96 * relative).max(0.0)).map(|c| c.max(reached));
+    let mut found = OutputCeiling {
+        output: train.data.outputs[output].name.to_string(),
+        fit: expected,
+        range: highest.map(|h| (reached, h)),
+        innovations: percent(fit.ar.innovation).map(|c| c.max(reached)),
+        flexible,
+        narx,
+        noise: variance.sqrt(),
+        terms: fit.chosen.columns.len(),
+        statement: String::new(),
+    };
+    found.statement = statement(&found);
+    found
+}
+
+fn statement(found: &OutputCeiling) -> String {
+    let (Some(fit), Some((low, high))) = (found.fit, found.range) else {
+        return format!("{} never changes in the held-out data: there is no fit to bound", found.output);
+    };
+    let yardstick = found
+        .narx
+        .map_or_else(|| "the free run of a short NARX model diverges".to_owned(), |n| format!("a short NARX model reaches {n:.1} %"));
+    format!(
+        "{}: no model of these commands is expected to exceed {fit:.1} % on the held-out data (seen {low:.1} %, at most {high:.1} %); {yardstick}",
+        found.output
+    )
+}
+
+fn pairs(data: &Dataset, simulated: &[Vec<Vec<f64>>], output: usize) -> Vec<(f64, f64)> {
+    let each = data.stretches.iter().zip(simulated);
+    each.flat_map(|(s, run)| s.outputs[output].iter().copied().zip(run[output].iter().copied())).collect()
+}
+
+/// Σ (y − mean y)² of measured values, first of each pair.
+fn spread(pairs: &[(f64, f64)]) -> f64 {
+    let mean = pairs.iter().map(|(y, _)| y).sum::<f64>() / pairs.len().max(1) as f64;
+    pairs.iter().map(|(y, _)| (y - mean).powi(2)).sum()
+}
+
+/// Fit in percent as validation defines it; `None` where nothing is measured or it never changes.
+fn fit_percent(pairs: &[(f64, f64)]) -> Option<f64> {
+    let error: f64 = pairs.iter().map(|(y, x)| (y - x).powi(2)).sum();
+    let spread = spread(pairs);
+    (spread > 0.0).then(|| 100.0 * (1.0 - (error / spread).sqrt()))
+}
