@@ -10,6 +10,7 @@
 //! | `box` | the same within bounds | yes |
 //! | `steady-state` | the equations at rest over constant stretches; the rest by `ols` | no |
 //! | `output-error` | the free-run simulation error, weighted by its noise model: the reference | yes |
+//! | `robust` | the free-run simulation error under Huber's loss, for outliers and dropouts | yes |
 //! | `recursive` | the integral form of the regression, sample by sample in constant memory | no |
 //!
 //! All honour [`ParameterMap`](wheelwright_core::ParameterMap), θ = T z + c: columns Φ T, response y − Φ c. Only
@@ -24,6 +25,7 @@ mod output_error;
 mod quadratic;
 mod recursive;
 mod regression;
+mod robust;
 mod steady_state;
 mod thesis;
 pub mod triangle;
@@ -35,5 +37,6 @@ pub use output_error::{OutputError, Velocity};
 pub use quadratic::Quadratic;
 pub use recursive::{Estimator, Recursive};
 pub use regression::{LeastSquares, SolverRegression, System};
+pub use robust::Robust;
 pub use steady_state::SteadyState;
 pub use thesis::Thesis;

@@ -17,14 +17,14 @@ use super::noise::{Channels, Noise};
 use super::start::Integrals;
 use crate::least_squares::{Factor, Residuals};
 
-pub(super) struct FreeRun<'a> {
+pub(crate) struct FreeRun<'a> {
     problem: &'a Problem<'a>,
     simulator: Simulator<'a>,
     transform: DMatrix<f64>,
     /// Plausible size of each free parameter, for the difference steps.
     scale: Vec<f64>,
     readout: Readout,
-    pub(super) noise: Noise,
+    pub(crate) noise: Noise,
     z: DVector<f64>,
     starts: Vec<DVector<f64>>,
     trial: (DVector<f64>, Vec<DVector<f64>>),
@@ -32,7 +32,7 @@ pub(super) struct FreeRun<'a> {
 }
 
 impl<'a> FreeRun<'a> {
-    pub(super) fn new(
+    pub(crate) fn new(
         problem: &'a Problem<'a>,
         transform: &DMatrix<f64>,
         integrals: &Integrals,
@@ -52,7 +52,7 @@ impl<'a> FreeRun<'a> {
     }
 
     /// Fixes the step for the current parameters, so that the cost is smooth; true if it had to become shorter.
-    pub(super) fn choose_step(&mut self) -> Result<bool, SolveError> {
+    pub(crate) fn choose_step(&mut self) -> Result<bool, SolveError> {
         self.simulator.set_theta(&self.problem.map.theta(self.z.as_slice()))?;
         let mut shortest = f64::INFINITY;
         for stretch in &self.problem.data.stretches {
@@ -65,28 +65,47 @@ impl<'a> FreeRun<'a> {
         Ok(shorter)
     }
 
-    pub(super) fn z(&self) -> &DVector<f64> {
+    pub(crate) fn z(&self) -> &DVector<f64> {
         &self.z
     }
 
     /// Cost at the current point; infinite where it cannot be simulated.
-    pub(super) fn cost(&mut self) -> f64 {
-        let Ok(errors) = self.errors() else { return f64::INFINITY };
-        let squares = errors.into_iter().map(|mut stretch| {
-            self.noise.whiten(&mut stretch);
-            stretch.iter().flatten().map(|e| e * e).sum::<f64>()
-        });
-        squares.sum()
+    pub(crate) fn cost(&mut self) -> f64 {
+        self.whitened_errors().map_or(f64::INFINITY, |errors| errors.iter().flatten().flatten().map(|e| e * e).sum())
     }
 
     /// Simulated minus measured, of every stretch.
-    pub(super) fn errors(&mut self) -> Result<Vec<Channels>, ModelError> {
+    pub(crate) fn errors(&mut self) -> Result<Vec<Channels>, ModelError> {
         self.simulator.set_theta(&self.problem.map.theta(self.z.as_slice()))?;
         (0..self.starts.len()).map(|s| stretch_errors(self.problem, &mut self.simulator, s, self.readout, &self.starts[s])).collect()
     }
 
+    /// Whitened simulated minus measured, of every stretch.
+    pub(crate) fn whitened_errors(&mut self) -> Result<Vec<Channels>, ModelError> {
+        let mut errors = self.errors()?;
+        errors.iter_mut().for_each(|stretch| self.noise.whiten(stretch));
+        Ok(errors)
+    }
+
+    /// The linearised problem of every stretch: whitened columns of its start, of the free parameters, and the error.
+    pub(crate) fn blocks(&mut self) -> Result<Vec<DMatrix<f64>>, SolveError> {
+        let directions = self.directions();
+        self.simulator.set_theta(&self.problem.map.theta(self.z.as_slice()))?;
+        (0..self.starts.len()).map(|s| Ok(self.columns(s, &directions)?)).collect()
+    }
+
+    /// Moves by a share of a step of the free parameters followed by the start of each stretch.
+    pub(crate) fn shift(&mut self, step: &DVector<f64>, share: f64) {
+        let mut first = self.z.len();
+        self.z += share * step.rows(0, first);
+        for start in &mut self.starts {
+            *start += share * step.rows(first, start.len());
+            first += start.len();
+        }
+    }
+
     /// Compared values less unknowns.
-    pub(super) fn freedom(&self) -> f64 {
+    pub(crate) fn freedom(&self) -> f64 {
         let values: usize = self.problem.data.stretches.iter().map(|s| s.len() * s.outputs.len()).sum();
         let unknowns = self.z.len() + self.starts.iter().map(DVector::len).sum::<usize>();
         values.saturating_sub(unknowns).max(1) as f64
@@ -135,7 +154,7 @@ impl<'a> FreeRun<'a> {
 }
 
 /// Interval means times intervals, summed up; the first row, of which there is no mean, is where the sum starts.
-pub(super) fn sum_up(column: &mut Channels, time: &[f64]) {
+pub(crate) fn sum_up(column: &mut Channels, time: &[f64]) {
     for series in column {
         let mut sum = 0.0;
         for k in 0..series.len() {

@@ -11,6 +11,8 @@ use crate::least_squares::{Limits, Outcome};
 
 /// Condition of the scaled problem above which directions are lost in rounding and in the sensitivities' own error.
 const WORST_CONDITION: f64 = 1e8;
+/// A parameter is not seen if its term could be this many times as large as its whole equation, within one deviation.
+const UNSEEN: f64 = 3.0;
 
 pub(super) struct Intervals {
     /// Covariance of the free parameters.
@@ -62,13 +64,13 @@ impl Intervals {
     }
 
     /// The condition number, if every parameter can be told from the data: no direction is lost in rounding, and none is
-    /// so uncertain that its term could be as large as its whole equation.
+    /// so uncertain that its term could be larger than its whole equation.
     ///
     /// # Errors
     /// [`SolveError::NotIdentifiable`] naming the parameters and the motion that would show them.
     pub(super) fn identifiability(&self, problem: &Problem<'_>, scale: &[f64]) -> Result<f64, SolveError> {
         let hidden: Vec<usize> = if self.condition <= WORST_CONDITION {
-            (0..scale.len()).filter(|&j| self.covariance[(j, j)].sqrt() > scale[j]).collect()
+            (0..scale.len()).filter(|&j| self.covariance[(j, j)].sqrt() > UNSEEN * scale[j]).collect()
         } else {
             let most = self.weakest.max();
             (0..scale.len()).filter(|&j| self.weakest[j] >= 0.3 * most || !self.covariance[(j, j)].is_finite()).collect()

@@ -17,11 +17,11 @@ use wheelwright_core::simulation::Readout;
 use wheelwright_core::solver::{Problem, Solution, SolveError, Solver, Status};
 
 use crate::Ols;
-use crate::least_squares::{Limits, Options, Outcome, minimise};
-use free_run::FreeRun;
+use crate::least_squares::{Limits, Options, Outcome, Residuals, minimise};
+pub(crate) use free_run::FreeRun;
 use intervals::Intervals;
 pub(crate) use intervals::not_identifiable;
-use noise::{Channels, Noise};
+pub(crate) use noise::{Channels, Noise};
 use start::Integrals;
 
 /// Simulation error below this share of an output's largest value is numerical error, not noise.
@@ -79,19 +79,19 @@ impl Solver for OutputError {
 }
 
 /// One run of the solver.
-struct Fit<'a> {
+pub(crate) struct Fit<'a> {
     settings: &'a OutputError,
     problem: &'a Problem<'a>,
-    transform: DMatrix<f64>,
+    pub(crate) transform: DMatrix<f64>,
     offset: DVector<f64>,
-    limits: Limits,
-    integrals: Integrals,
+    pub(crate) limits: Limits,
+    pub(crate) integrals: Integrals,
     /// Numerical error of each output.
-    floor: Vec<f64>,
+    pub(crate) floor: Vec<f64>,
 }
 
 impl<'a> Fit<'a> {
-    fn new(settings: &'a OutputError, problem: &'a Problem<'a>) -> Result<Self, SolveError> {
+    pub(crate) fn new(settings: &'a OutputError, problem: &'a Problem<'a>) -> Result<Self, SolveError> {
         let (parameters, free) = (problem.map.offset.len(), problem.map.free.len());
         if free == 0 {
             let reason = "every parameter is fixed: nothing is left to estimate".to_owned();
@@ -148,7 +148,7 @@ impl<'a> Fit<'a> {
     }
 
     /// Fits from the best of the regressions; where the cost proves not to be convex on the way, from the others too.
-    fn first_fit(&self) -> Result<(FreeRun<'a>, Outcome), SolveError> {
+    pub(crate) fn first_fit(&self) -> Result<(FreeRun<'a>, Outcome), SolveError> {
         if let Some(error) = not_identifiable(self.problem, &self.transform, &self.integrals.hidden(&self.transform)) {
             return Err(error);
         }
@@ -191,6 +191,17 @@ impl<'a> Fit<'a> {
             let reason = "no regression gives parameters that can be simulated over this recording".to_owned();
             failure.unwrap_or(SolveError::Failed { reason })
         })
+    }
+
+    /// Condition of the scaled problem at the current point.
+    ///
+    /// # Errors
+    /// [`SolveError::NotIdentifiable`].
+    pub(crate) fn condition(&self, run: &mut FreeRun<'_>) -> Result<f64, SolveError> {
+        let (z, factor) = (run.z().clone(), run.linearise()?);
+        let scale = self.integrals.free_scale(&self.transform, &self.problem.map.theta(z.as_slice()));
+        let outcome = Outcome { z, factor, converged: true, smooth: true, active: Vec::new() };
+        Intervals::new(&self.transform, &self.limits, &outcome, run.freedom()).identifiability(self.problem, &scale)
     }
 
     /// Alternates between noise model and fit until the fit has settled; the number of rounds it took.
@@ -246,7 +257,7 @@ impl<'a> Fit<'a> {
         self.floor.iter().enumerate().map(of).collect()
     }
 
-    fn at_bound(&self, theta: &[f64]) -> Vec<usize> {
+    pub(crate) fn at_bound(&self, theta: &[f64]) -> Vec<usize> {
         let near = |value: f64, bound: f64| bound.is_finite() && (value - bound).abs() <= 1e-9 * bound.abs().max(value.abs()).max(1e-12);
         let fixed = |i: usize| self.transform.row(i).iter().all(|t| *t == 0.0);
         let bounds = self.problem.bounds.iter().enumerate();

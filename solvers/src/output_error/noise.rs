@@ -8,11 +8,11 @@
 use nalgebra::DMatrix;
 
 /// Values by output, then row.
-pub(super) type Channels = Vec<Vec<f64>>;
+pub(crate) type Channels = Vec<Vec<f64>>;
 
 /// A whitening filter for all outputs.
 #[derive(Debug, Clone)]
-pub(super) struct Noise {
+pub(crate) struct Noise {
     filters: Vec<Autoregression>,
     /// Inverse of the Cholesky factor of the innovations' covariance.
     mix: DMatrix<f64>,
@@ -33,7 +33,7 @@ fn longest(rows: usize) -> usize {
 
 impl Noise {
     /// White, independent noise of these standard deviations.
-    pub(super) fn white(deviations: &[f64]) -> Self {
+    pub(crate) fn white(deviations: &[f64]) -> Self {
         let filters = deviations.iter().map(|_| Autoregression::white()).collect();
         let mix = DMatrix::from_diagonal(&nalgebra::DVector::from_iterator(deviations.len(), deviations.iter().map(|d| 1.0 / d)));
         Self { filters, mix }
@@ -41,7 +41,7 @@ impl Noise {
 
     /// Estimated from the errors of each stretch; no deviation is taken for less than its `floor`. Orders are chosen by
     /// BIC, or given, or zero for `Some(&[0, ..])`.
-    pub(super) fn estimate(errors: &[Channels], floor: &[f64], orders: Option<&[usize]>) -> Self {
+    pub(crate) fn estimate(errors: &[Channels], floor: &[f64], orders: Option<&[usize]>) -> Self {
         let outputs = floor.len();
         let filters = (0..outputs).map(|c| {
             let series: Vec<&[f64]> = errors.iter().map(|e| e[c].as_slice()).collect();
@@ -72,12 +72,12 @@ impl Noise {
     }
 
     /// Order of each output's autoregression.
-    pub(super) fn orders(&self) -> Vec<usize> {
+    pub(crate) fn orders(&self) -> Vec<usize> {
         self.filters.iter().map(|f| f.gain.len() - 1).collect()
     }
 
     /// Turns the values of one stretch into uncorrelated ones of unit variance, in place.
-    pub(super) fn whiten(&self, values: &mut Channels) {
+    pub(crate) fn whiten(&self, values: &mut Channels) {
         for (filter, series) in self.filters.iter().zip(values.iter_mut()) {
             filter.apply(series);
         }

@@ -14,7 +14,7 @@ use crate::least_squares::{Factor, Limits, constrained_step};
 const WINDOWS: [f64; 3] = [1.0, 0.3, 3.0];
 
 /// Rows Φ and y between neighbouring samples, times the interval, summed up from the start of each stretch.
-pub(super) struct Integrals {
+pub(crate) struct Integrals {
     equations: usize,
     parameters: usize,
     /// By stretch: times, then one row of (equations × (parameters + 1)) sums a sample.
@@ -26,7 +26,7 @@ pub(super) struct Integrals {
 }
 
 impl Integrals {
-    pub(super) fn new(problem: &Problem<'_>) -> Self {
+    pub(crate) fn new(problem: &Problem<'_>) -> Self {
         let (equations, parameters) = (problem.model.equations(), problem.model.parameters().len());
         let (mut phi, mut y) = (vec![0.0; equations * parameters], vec![0.0; equations]);
         let mut size = vec![vec![0.0; parameters]; equations];
@@ -64,7 +64,7 @@ impl Integrals {
 
     /// Free parameters that no recording like this can tell: those that no equation sees, and those of an equation
     /// without response, Φ T z = 0, which every multiple of a solution solves as well.
-    pub(super) fn hidden(&self, transform: &DMatrix<f64>) -> Vec<usize> {
+    pub(crate) fn hidden(&self, transform: &DMatrix<f64>) -> Vec<usize> {
         let (smallest, largest) = (f64::EPSILON, self.response.iter().copied().fold(0.0, f64::max));
         let answered = |e: usize| self.response[e] > smallest * largest;
         let seen = |p: usize| {
@@ -97,7 +97,7 @@ impl Integrals {
     }
 
     /// One start a window, within the limits.
-    pub(super) fn starts(&self, transform: &DMatrix<f64>, offset: &DVector<f64>, limits: &Limits) -> Result<Vec<DVector<f64>>, SolveError> {
+    pub(crate) fn starts(&self, transform: &DMatrix<f64>, offset: &DVector<f64>, limits: &Limits) -> Result<Vec<DVector<f64>>, SolveError> {
         let origin = DVector::zeros(transform.ncols());
         WINDOWS.iter().map(|w| constrained_step(&self.factor(transform, offset, *w), None, &origin, limits)).collect()
     }
@@ -111,7 +111,7 @@ impl Integrals {
     }
 
     /// The same for each free parameter z, with θ = T z + c.
-    pub(super) fn free_scale(&self, transform: &DMatrix<f64>, theta: &[f64]) -> Vec<f64> {
+    pub(crate) fn free_scale(&self, transform: &DMatrix<f64>, theta: &[f64]) -> Vec<f64> {
         let scale = self.scale(theta);
         let of = |j: usize| scale.iter().zip(transform.column(j).iter()).map(|(s, t)| s / t.abs()).fold(f64::INFINITY, f64::min);
         (0..transform.ncols()).map(of).collect()
