@@ -27,7 +27,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     }
 
     println!("How good can a free run get?");
-    let solver = Ols::default();
+    let solver = OutputError::default();
     let found = identify(&Problem::new(&*model, &train), &solver, &held_out)?;
     println!("  this model: {:.1?} % on held-out data", found.held_out.map(|h| h.fit).unwrap_or_default());
     for output in ceiling::estimate(&*model, &found.solution.theta, &train, &held_out)? {

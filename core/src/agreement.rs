@@ -67,6 +67,8 @@ pub struct Test {
     pub degrees: usize,
     /// Probability of a Q as large if the runs agree.
     pub p: f64,
+    /// The same after Holm's correction for the number of parameters tested, which decides.
+    pub adjusted: f64,
     /// Between-run standard deviation after DerSimonian and Laird; zero where the scatter is no more than the noise.
     pub between: f64,
     /// Random-effects mean.
@@ -118,8 +120,12 @@ pub fn compare(parameters: &[Parameter], runs: &[Run]) -> Option<Agreement> {
     if runs.len() < 2 || !runs.iter().all(whole) {
         return None;
     }
-    let parameters: Vec<Spread> = parameters.iter().enumerate().map(|(j, p)| spread(p, j, runs)).collect();
-    let p = joint(runs).or_else(|| holm(parameters.iter().filter_map(|s| s.test.map(|t| t.p))));
+    let mut parameters: Vec<Spread> = parameters.iter().enumerate().map(|(j, p)| spread(p, j, runs)).collect();
+    holm(parameters.iter_mut().filter_map(|s| s.test.as_mut()).collect());
+    parameters.iter_mut().for_each(|s| s.statement = of_parameter(s));
+    let least =
+        parameters.iter().filter_map(|s| s.test.map(|t| t.adjusted)).fold(None, |m: Option<f64>, p| Some(m.map_or(p, |m| m.min(p))));
+    let p = joint(runs).or(least);
     let statement = statement(&parameters, runs.len(), p);
     Some(Agreement { runs: runs.iter().map(|r| r.label.clone()).collect(), parameters, p, statement })
 }
@@ -132,27 +138,29 @@ fn spread(parameter: &Parameter, j: usize, runs: &[Run]) -> Spread {
     // A fixed parameter has no error and nothing to test.
     let test = std.filter(|s| s.iter().all(|s| *s > 0.0 && s.is_finite())).and_then(|std| test(&values, &std));
     let (name, unit) = (parameter.name.clone(), parameter.unit.clone());
-    let unit_text = if unit == "1" { String::new() } else { format!(" {unit}") };
-    let statement = match test {
-        None => {
-            format!("{name} varies by {spread:.2e}{unit_text} from run to run about {mean:.4}{unit_text} (no standard errors to test with)")
-        }
-        Some(t) if t.p >= LEVEL => {
+    Spread { name, unit, values, mean, spread, test, statement: String::new() }
+}
+
+fn of_parameter(found: &Spread) -> String {
+    let (name, mean, spread) = (&found.name, found.mean, found.spread);
+    let unit = if found.unit == "1" { String::new() } else { format!(" {}", found.unit) };
+    match found.test {
+        None => format!("{name} varies by {spread:.2e}{unit} from run to run about {mean:.4}{unit} (no standard errors to test with)"),
+        Some(t) if t.adjusted >= LEVEL => {
             format!(
                 "{name} agrees over the runs: they scatter as their standard errors say (Q = {:.2} on {}, p = {:.2})",
-                t.q, t.degrees, t.p
+                t.q, t.degrees, t.adjusted
             )
         }
         Some(t) => format!(
-            "{name} differs between the runs by more than noise (Q = {:.1} on {}, p = {}): between-run standard deviation {:.2e}{unit_text}, {:.1} % of its mean",
+            "{name} differs between the runs by more than noise (Q = {:.1} on {}, p = {}): between-run standard deviation {:.2e}{unit}, {:.1} % of its mean",
             t.q,
             t.degrees,
-            probability(t.p),
+            probability(t.adjusted),
             t.between,
             100.0 * t.between / t.pooled.abs()
         ),
-    };
-    Spread { name, unit, values, mean, spread, test, statement }
+    }
 }
 
 fn test(values: &[f64], std: &[f64]) -> Option<Test> {
@@ -173,7 +181,8 @@ fn test(values: &[f64], std: &[f64]) -> Option<Test> {
     let error = ((scatter / degrees as f64).max(1.0) / sum).sqrt();
     let quantile = StudentsT::new(0.0, 1.0, degrees as f64).ok()?.inverse_cdf(1.0 - 0.5 * LEVEL);
     let ci95 = (pooled - quantile * error, pooled + quantile * error);
-    Some(Test { q, degrees, p: exceeding(q, degrees)?, between: variance.sqrt(), pooled, ci95 })
+    let p = exceeding(q, degrees)?;
+    Some(Test { q, degrees, p, adjusted: p, between: variance.sqrt(), pooled, ci95 })
 }
 
 /// Probability of a chi-square on `degrees` above `q`.
@@ -197,10 +206,15 @@ fn joint(runs: &[Run]) -> Option<f64> {
     exceeding(q, (runs.len() - 1) * free.len())
 }
 
-/// Least p after Holm's correction: the least times their number.
-fn holm(each: impl Iterator<Item = f64>) -> Option<f64> {
-    let (count, least) = each.fold((0, 1.0_f64), |(n, least), p| (n + 1, least.min(p)));
-    (count > 0).then(|| (count as f64 * least).min(1.0))
+/// Holm's step-down correction (Scandinavian Journal of Statistics 6, 1979).
+fn holm(mut tests: Vec<&mut Test>) {
+    tests.sort_by(|a, b| a.p.total_cmp(&b.p));
+    let count = tests.len();
+    let mut largest = 0.0_f64;
+    for (k, test) in tests.into_iter().enumerate() {
+        largest = largest.max((count - k) as f64 * test.p).min(1.0);
+        test.adjusted = largest;
+    }
 }
 
 fn statement(parameters: &[Spread], runs: usize, p: Option<f64>) -> String {
@@ -208,7 +222,8 @@ fn statement(parameters: &[Spread], runs: usize, p: Option<f64>) -> String {
         None => format!("{runs} runs were fitted alone; the solver gives no standard errors, so only their spread is known"),
         Some(p) if p >= LEVEL => format!("the {runs} runs agree within their standard errors (p = {p:.2})"),
         Some(p) => {
-            let differing: Vec<&str> = parameters.iter().filter(|s| s.test.is_some_and(|t| t.p < LEVEL)).map(|s| s.name.as_str()).collect();
+            let differing: Vec<&str> =
+                parameters.iter().filter(|s| s.test.is_some_and(|t| t.adjusted < LEVEL)).map(|s| s.name.as_str()).collect();
             let names = if differing.is_empty() { "the parameters taken together".to_owned() } else { differing.join(", ") };
             format!(
                 "the {runs} runs do not agree (p = {}): {names} differ by more than noise; intervals of a pooled fit are too narrow for them",
@@ -268,6 +283,17 @@ mod tests {
         let found = compare(&parameters(1), &runs).unwrap();
         assert_eq!((found.parameters[0].mean, found.parameters[0].test, found.p), (2.0, None, None));
         assert!((found.parameters[0].spread - 2.0_f64.sqrt()).abs() < 1e-15);
+    }
+
+    #[test]
+    fn the_correction_is_holms() {
+        let blank = Test { q: 0.0, degrees: 1, p: 0.0, adjusted: 0.0, between: 0.0, pooled: 0.0, ci95: (0.0, 0.0) };
+        let mut tests = [0.01, 0.04, 0.03, 0.005].map(|p| Test { p, ..blank });
+        holm(tests.iter_mut().collect());
+        // R: p.adjust(c(.01, .04, .03, .005), "holm")
+        for (test, expected) in tests.iter().zip([0.03, 0.06, 0.06, 0.02]) {
+            assert!((test.adjusted - expected).abs() < 1e-12, "{test:?}");
+        }
     }
 
     #[test]

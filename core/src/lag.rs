@@ -19,10 +19,12 @@ use crate::solver::SolveError;
 const HALF_WIDTH: f64 = 1.96;
 /// Delays tried first, in sampling periods. One of less than zero is a command stamped late.
 const GRID: [f64; 13] = [-1.0, -0.5, 0.5, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 9.0, 13.0, 19.0, 28.0];
+/// A command answered more periods than this before it was given is none: something else looks like it.
+const EARLIEST: f64 = 2.0;
 /// Delays beyond this share of the shortest stretch leave too little of it.
 const LONGEST: f64 = 0.25;
-/// Correlation of delay and time constant beyond which only their sum counts as known.
-const CONFOUNDED: f64 = -0.95;
+/// Correlation beyond which two things count as hardly told apart.
+const CONFOUNDED: f64 = 0.95;
 
 /// The lag of one axis: an input, or all of them where inputs and outputs do not pair.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -37,14 +39,19 @@ pub struct AxisLag {
     pub std_s: f64,
     /// Its 95 % interval \[s\].
     pub ci95_s: (f64, f64),
-    /// True if the interval lies above zero.
+    /// True if the interval lies above zero and the delay within what was searched.
     pub late: bool,
+    /// True if the best delay lies at the limit of what was searched: two periods early, or a quarter of the shortest stretch late.
+    /// Then it is no delay but something else that the model leaves out.
+    pub at_limit: bool,
     /// Time constant of the answer, fitted with the delay \[s\].
     pub time_constant_s: f64,
     /// Delay and time constant together \[s\], with the standard error.
     pub sum_s: (f64, f64),
     /// Correlation of the two estimates: near −1 the drive cannot tell them apart.
     pub correlation: f64,
+    /// The parameter whose estimate is most alike to the delay's, and their correlation.
+    pub alike: Option<(String, f64)>,
     /// Samples that the residual is worth, fewer the more alike neighbouring ones are.
     pub independent_samples: f64,
     /// The result in a sentence.
@@ -69,10 +76,13 @@ pub struct Lag {
 pub fn estimate(model: &dyn RegressorModel, map: &ParameterMap, data: &Dataset) -> Result<Lag, SolveError> {
     let (inputs, outputs) = (model.inputs().len(), model.outputs().len());
     let paired = inputs == outputs;
-    let axes: Vec<Option<usize>> = (0..inputs).map(|i| Some(if paired { i } else { 0 })).collect();
+    // The delay of an input that never changes has no effect, not even one of rounding.
+    let changes = |i: &usize| data.stretches.iter().any(|s| s.inputs[*i].iter().any(|u| *u != s.inputs[*i][0]));
+    let axes: Vec<Option<usize>> = (0..inputs).map(|i| changes(&i).then_some(if paired { i } else { 0 })).collect();
     let count = if paired { inputs } else { usize::from(inputs > 0) };
     let (mut run, plain, error_without) = local::quick_fit(model, map, data, axes)?;
     let plainly = run.linearise(&plain, &error_without)?;
+    run.limit_delays(-EARLIEST * data.period(), longest(data));
     let base = Point { delays: vec![0.0; count], ..plain };
     let best = from_grid(&run, &base, &plainly, &error_without)?;
     let far = best.delays.iter().any(|d| d.abs() > data.period());
@@ -97,12 +107,16 @@ fn likelihood(error: &[f64]) -> f64 {
     error.iter().map(|e| 2.0 * e.ln()).sum()
 }
 
+/// Longest delay searched \[s\].
+fn longest(data: &Dataset) -> f64 {
+    LONGEST * data.stretches.iter().map(|s| s.time[s.len() - 1] - s.time[0]).fold(f64::INFINITY, f64::min)
+}
+
 /// The best delay of each axis on the grid. The change that a delay makes is simulated once; parameters and starts answer it to
 /// first order.
 fn from_grid(run: &FreeRun<'_>, base: &Point, local: &Local, sigma: &[f64]) -> Result<Point, SolveError> {
     let unknowns = base.z.len();
-    let shortest = run.data.stretches.iter().map(|s| s.time[s.len() - 1] - s.time[0]).fold(f64::INFINITY, f64::min);
-    let longest = LONGEST * shortest;
+    let longest = longest(run.data);
     let mut best = base.clone();
     let still = run.simulate(base)?;
     for axis in 0..base.delays.len() {
@@ -180,13 +194,19 @@ impl Found<'_, '_> {
         unit[at] = 1.0;
         let correlation = (slope.transpose() * self.covariance * &unit)[(0, 0)] / (lag(&slope) * std_s);
         let samples = data.samples();
+        let with = |j: usize| self.covariance[(at, j)] / (self.covariance[(j, j)].sqrt() * std_s);
+        let told = (0..free).filter(|j| with(*j).is_finite()).max_by(|a, b| with(*a).abs().total_cmp(&with(*b).abs()));
+        let margin = 1e-3 * data.period();
+        let at_limit = delay_s < margin - EARLIEST * data.period() || delay_s > longest(data) - margin;
         let mut found = AxisLag {
             inputs: (0..data.inputs.len()).filter(|i| !paired || *i == axis).map(|i| data.inputs[i].name.to_string()).collect(),
             output: paired.then(|| data.outputs[axis].name.to_string()),
             delay_s,
             std_s,
             ci95_s,
-            late: std_s > 0.0 && ci95_s.0 > 0.0,
+            late: !at_limit && std_s > 0.0 && ci95_s.0 > 0.0,
+            at_limit,
+            alike: told.map(|j| (self.run.map.free[j].clone(), with(j))),
             time_constant_s: constants[output],
             sum_s: (delay_s + constants[output], lag(&(slope + unit))),
             correlation: if correlation.is_finite() { correlation } else { 0.0 },
@@ -223,6 +243,12 @@ fn statement(lag: &AxisLag, data: &Dataset) -> String {
     if lag.std_s == 0.0 || !lag.std_s.is_finite() {
         return format!("{commands} never changes, or {what} does not answer it: a delay cannot be seen");
     }
+    if lag.at_limit {
+        return format!(
+            "no delay of {commands} explains {what}: the free run would rather have it {} than can be, because the model leaves out something else",
+            if lag.delay_s < 0.0 { "earlier" } else { "later" }
+        );
+    }
     let interval = format!("95 % interval {low:.3} to {high:.3} s");
     let period = data.stretches.first().and_then(|s| signal::spacing(&s.time)).map_or(data.period(), |s| s.period);
     let mut text = if lag.late {
@@ -238,7 +264,7 @@ fn statement(lag: &AxisLag, data: &Dataset) -> String {
     if lag.late && low < 0.5 * period && 0.5 * period < high {
         text.push_str("; half a sampling period is what a driver adds that differences encoder counts");
     }
-    if lag.correlation < CONFOUNDED {
+    if lag.correlation < -CONFOUNDED {
         let (sum, std) = lag.sum_s;
         // Slower than this, a delay and a lag of the same time turn the phase alike.
         let needed = 1.0 / (std::f64::consts::TAU * sum.max(period));
@@ -247,6 +273,8 @@ fn statement(lag: &AxisLag, data: &Dataset) -> String {
             lag.correlation,
             HALF_WIDTH * std
         ));
+    } else if let Some((name, r)) = lag.alike.as_ref().filter(|(_, r)| r.abs() > CONFOUNDED) {
+        text.push_str(&format!("; this drive hardly tells it from {name} (correlation {r:.3})"));
     }
     text
 }
@@ -337,7 +365,7 @@ mod tests {
         data.stretches[0] = data.stretches[0].slice(100..2400);
         let lag = found(&data);
         for (axis, constant) in lag.axes.iter().zip([0.2604 / 0.9965, 0.2509 / 1.0768]) {
-            assert!(axis.correlation < CONFOUNDED, "{axis:?}");
+            assert!(axis.correlation < -CONFOUNDED, "{axis:?}");
             assert!((axis.sum_s.0 - constant - 0.1).abs() < 4.0 * axis.sum_s.1, "{axis:?}");
             assert!(axis.sum_s.1 < 0.2 * axis.std_s, "{axis:?}");
             assert!(axis.statement.contains("only their sum is known"), "{}", axis.statement);
@@ -348,6 +376,21 @@ mod tests {
     fn the_drive_of_the_thesis_has_no_delay() {
         let lag = found(&driven(thesis, 150.0, 20.0, 0.005, 5));
         assert!(lag.axes.iter().all(|a| a.delay_s.abs() < 4.0 * a.std_s && a.std_s < 0.01), "{lag:?}");
+    }
+
+    #[test]
+    fn an_answer_before_its_command_is_no_delay() {
+        // The command is recorded a quarter of a second after it was given.
+        let mut data = late(&steps, 40, [250, 250], 0.005, 0.0, 7);
+        for stretch in &mut data.stretches {
+            let rows = stretch.len() - 10;
+            stretch.outputs.iter_mut().for_each(|y| drop(y.drain(..10)));
+            stretch.inputs.iter_mut().for_each(|u| u.truncate(rows));
+            stretch.time.truncate(rows);
+        }
+        let lag = found(&data);
+        assert!(lag.axes.iter().all(|a| a.at_limit && !a.late), "{lag:?}");
+        assert!(lag.axes[0].statement.contains("rather have it earlier"), "{}", lag.axes[0].statement);
     }
 
     #[test]

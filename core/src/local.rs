@@ -32,6 +32,8 @@ pub(crate) struct FreeRun<'a> {
     /// Which delay shifts each input; `None` for an input that is not delayed.
     axes: Vec<Option<usize>>,
     max_step: f64,
+    /// Range that delays stay in \[s\].
+    delays: (f64, f64),
 }
 
 /// Values of the unknowns.
@@ -65,7 +67,12 @@ pub(crate) struct Local {
 impl<'a> FreeRun<'a> {
     /// `axes[i]` says which delay shifts input i.
     pub(crate) fn new(model: &'a dyn RegressorModel, map: &'a ParameterMap, data: &'a Dataset, axes: Vec<Option<usize>>) -> Self {
-        Self { model, map, data, axes, max_step: f64::INFINITY }
+        Self { model, map, data, axes, max_step: f64::INFINITY, delays: (f64::NEG_INFINITY, f64::INFINITY) }
+    }
+
+    /// Keeps delays within a range \[s\] from now on.
+    pub(crate) fn limit_delays(&mut self, shortest: f64, longest: f64) {
+        self.delays = (shortest, longest);
     }
 
     fn simulator(&self, z: &[f64]) -> Result<Simulator<'a>, ModelError> {
@@ -180,6 +187,7 @@ impl<'a> FreeRun<'a> {
             for (x, d) in trial.z.iter_mut().chain(&mut trial.delays).zip(dp.iter()) {
                 *x += share * d;
             }
+            trial.delays.iter_mut().for_each(|d| *d = d.max(self.delays.0).min(self.delays.1));
             for (start, d) in trial.starts.iter_mut().zip(&dstarts) {
                 start.iter_mut().zip(d.iter()).for_each(|(x, d)| *x += share * d);
             }

@@ -203,9 +203,11 @@ fn ceiling(parts: &[Part<'_>; 2], output: usize, narx: Option<f64>, base: Option
     let fitted = left(train) + fit.disturbance(train, samples[0]);
     let bound = samples[1] as f64 / held.len() as f64 * spread * (1.0 - 0.01 * reached).powi(2);
     let other = (left(held_out) - fit.disturbance(held_out, samples[0])).max(0.0).min(bound);
-    let variance = (fitted + other) / (samples[0] + samples[1]) as f64;
     let independent = |n: usize| fit.ar.effective_samples_of_variance(n);
+    let (pooled, own) = ((fitted + other) / (samples[0] + samples[1]) as f64, other / samples[1] as f64);
     let relative = (2.0 / independent(samples[0] + samples[1]) + 2.0 / independent(samples[1])).sqrt();
+    // Held-out data that are quieter than chance allows have a noise of their own.
+    let variance = if own < pooled * (1.0 - 1.96 * relative) { own } else { pooled };
     let expected = percent(variance).map(|c| c.max(reached));
     let highest = percent(variance * (1.0 - 1.96 * relative).max(0.0)).map(|c| c.max(reached));
     let mut found = OutputCeiling {

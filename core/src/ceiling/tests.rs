@@ -109,10 +109,6 @@ fn the_ceiling_stays_where_the_base_model_falls_short() {
     for extra in [Extra { coulomb: 0.08, delay_s: 0.0 }, Extra { coulomb: 0.0, delay_s: 0.2 }] {
         for (rho, seed) in [(0.0, 11), (0.0, 12), (0.7, 13), (0.7, 14), (0.9, 15)] {
             for (truth, found, base) in compare(extra, 0.01, rho, seed) {
-                println!(
-                    "{extra:?} rho {rho} seed {seed}: truth {truth:.2} ceiling {:.2?} {:.2?} flexible {:.2?} base {base:.2} narx {:.2?}",
-                    found.fit, found.range, found.flexible, found.narx
-                );
                 assert!((found.fit.unwrap() - truth).abs() < 1.0, "{extra:?}, rho {rho}: {truth}, base {base}, {found:?}");
                 assert!(base < truth - 2.0, "{extra:?}: {truth} {base}");
                 assert!(found.narx.is_some(), "{found:?}");

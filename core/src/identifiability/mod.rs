@@ -228,7 +228,9 @@ fn judge(
         Some(format!("95 % interval of about ±{:.1} %", 100.0 * half / value.abs()))
     } else {
         let of = if unit == "1" { String::new() } else { format!(" {unit}") };
-        Some(format!("{value:.3} ± {half:.2}{of}, which includes zero"))
+        // Two digits of the half-width.
+        let decimals = (1.0 - half.log10().floor()).clamp(0.0, 9.0) as usize;
+        Some(format!("{value:.decimals$} ± {half:.decimals$}{of}, which includes zero"))
     };
     let reason = match verdict {
         Verdict::Identifiable => width.unwrap_or_default(),
