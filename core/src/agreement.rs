@@ -17,6 +17,9 @@ use crate::solver::{Problem, SolveError, Solver};
 /// Level of every test here.
 pub const LEVEL: f64 = 0.05;
 
+/// Values that differ by less than this share are one value: solvers stop no closer to their optimum.
+const SAME: f64 = 1e-6;
+
 /// What one recording alone gave.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Run {
@@ -170,6 +173,7 @@ fn test(values: &[f64], std: &[f64]) -> Option<Test> {
         let q: f64 = weights.iter().zip(values).map(|(w, x)| w * (x - mean).powi(2)).sum();
         (sum, mean, q)
     };
+    let std: Vec<f64> = std.iter().zip(values).map(|(s, x)| s.max(SAME * x.abs())).collect();
     let weights: Vec<f64> = std.iter().map(|s| 1.0 / (s * s)).collect();
     let (sum, _, q) = weighted(&weights);
     let degrees = values.len() - 1;
@@ -194,7 +198,7 @@ fn exceeding(q: f64, degrees: usize) -> Option<f64> {
 fn joint(runs: &[Run]) -> Option<f64> {
     let n = runs[0].theta.len();
     let covariances: Vec<DMatrix<f64>> =
-        runs.iter().map(|r| r.covariance.as_ref().map(|c| DMatrix::from_row_slice(n, n, c))).collect::<Option<_>>()?;
+        runs.iter().map(|r| r.covariance.as_ref().map(|c| floored(DMatrix::from_row_slice(n, n, c), &r.theta))).collect::<Option<_>>()?;
     let free: Vec<usize> = (0..n).filter(|j| covariances.iter().all(|c| c[(*j, *j)] > 0.0)).collect();
     let weights: Vec<DMatrix<f64>> =
         covariances.iter().map(|c| c.select_rows(&free).select_columns(&free).cholesky().map(|c| c.inverse())).collect::<Option<_>>()?;
@@ -204,6 +208,14 @@ fn joint(runs: &[Run]) -> Option<f64> {
     let mean = sum.cholesky()?.solve(&right);
     let q: f64 = weights.iter().zip(&values).map(|(w, x)| ((x - &mean).transpose() * w * (x - &mean))[(0, 0)]).sum();
     exceeding(q, (runs.len() - 1) * free.len())
+}
+
+/// A covariance whose errors are not below what counts as one value; parameters without error stay so.
+fn floored(mut covariance: DMatrix<f64>, theta: &[f64]) -> DMatrix<f64> {
+    for (j, x) in theta.iter().enumerate().filter(|(j, _)| covariance[(*j, *j)] > 0.0).collect::<Vec<_>>() {
+        covariance[(j, j)] = covariance[(j, j)].max((SAME * x).powi(2));
+    }
+    covariance
 }
 
 /// Holm's step-down correction (Scandinavian Journal of Statistics 6, 1979).
@@ -283,6 +295,12 @@ mod tests {
         let found = compare(&parameters(1), &runs).unwrap();
         assert_eq!((found.parameters[0].mean, found.parameters[0].test, found.p), (2.0, None, None));
         assert!((found.parameters[0].spread - 2.0_f64.sqrt()).abs() < 1e-15);
+    }
+
+    #[test]
+    fn what_differs_by_rounding_agrees() {
+        let found = compare(&parameters(1), &runs(&[0.25, 0.25 + 1e-10], &[1e-13, 1e-13])).unwrap();
+        assert!(found.parameters[0].test.unwrap().p > 0.9 && found.p.unwrap() > 0.9, "{found:?}");
     }
 
     #[test]

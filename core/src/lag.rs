@@ -21,6 +21,8 @@ const HALF_WIDTH: f64 = 1.96;
 const GRID: [f64; 13] = [-1.0, -0.5, 0.5, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 9.0, 13.0, 19.0, 28.0];
 /// A command answered more periods than this before it was given is none: something else looks like it.
 const EARLIEST: f64 = 2.0;
+/// Delays below this share of a period are not worth counting, however narrow their interval: stamps mean no more.
+const NEGLIGIBLE: f64 = 0.05;
 /// Delays beyond this share of the shortest stretch leave too little of it.
 const LONGEST: f64 = 0.25;
 /// Correlation beyond which two things count as hardly told apart.
@@ -39,7 +41,7 @@ pub struct AxisLag {
     pub std_s: f64,
     /// Its 95 % interval \[s\].
     pub ci95_s: (f64, f64),
-    /// True if the interval lies above zero and the delay within what was searched.
+    /// True if the interval lies above zero, and the delay above a twentieth of a period and within what was searched.
     pub late: bool,
     /// True if the best delay lies at the limit of what was searched: two periods early, or a quarter of the shortest stretch late.
     /// Then it is no delay but something else that the model leaves out.
@@ -204,7 +206,7 @@ impl Found<'_, '_> {
             delay_s,
             std_s,
             ci95_s,
-            late: !at_limit && std_s > 0.0 && ci95_s.0 > 0.0,
+            late: !at_limit && std_s > 0.0 && ci95_s.0 > 0.0 && delay_s > NEGLIGIBLE * data.period(),
             at_limit,
             alike: told.map(|j| (self.run.map.free[j].clone(), with(j))),
             time_constant_s: constants[output],
@@ -256,8 +258,13 @@ fn statement(lag: &AxisLag, data: &Dataset) -> String {
             "{what} answers {commands} {:.3} s late ({interval}), beyond the time constant of {:.3} s",
             lag.delay_s, lag.time_constant_s
         )
+    } else if lag.delay_s.abs() < NEGLIGIBLE * period {
+        format!("{what} answers {commands} without a delay worth counting ({:.3} s, {interval})", lag.delay_s)
     } else if high < 0.0 {
-        format!("{what} answers {commands} {:.3} s early ({interval}): the commands are stamped late", -lag.delay_s)
+        format!(
+            "{what} seems to answer {commands} {:.3} s early ({interval}): the commands are stamped late, or the model leaves out something else",
+            -lag.delay_s
+        )
     } else {
         format!("{what} answers {commands} without a delay that could be told from zero ({:.3} s, {interval})", lag.delay_s)
     };

@@ -225,7 +225,8 @@ fn judge(
     let width = if !shown {
         None
     } else if half <= value.abs() {
-        Some(format!("95 % interval of about ±{:.1} %", 100.0 * half / value.abs()))
+        let share = 100.0 * half / value.abs();
+        Some(if share < 0.1 { "95 % interval below ±0.1 %".to_owned() } else { format!("95 % interval of about ±{share:.1} %") })
     } else {
         let of = if unit == "1" { String::new() } else { format!(" {unit}") };
         // Two digits of the half-width.
