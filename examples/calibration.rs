@@ -21,7 +21,7 @@ use wheelwright_core::simulation::{DIFFERENCE, Direction, Readout, Simulator};
 use wheelwright_core::solver::{Problem, Solver};
 use wheelwright_core::{Dataset, ModelConfig, RegressorModel, Stretch};
 use wheelwright_models::VwPdConfig;
-use wheelwright_solvers::{Ols, OutputError, Thesis, Velocity};
+use wheelwright_solvers::{NoiseModel, Ols, OutputError, Thesis, Velocity};
 
 type Theta = [f64; 6];
 
@@ -263,7 +263,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         let mut solvers: Vec<(&str, Box<dyn Solver>)> =
             vec![("output-error", Box::new(OutputError { velocity, ..OutputError::default() }))];
         if matches!(variant.noise, Noise::Autoregressive(_)) {
-            solvers.push(("  taking noise as white", Box::new(OutputError { velocity, coloured: false, ..OutputError::default() })));
+            solvers.push(("  every sample alike", Box::new(OutputError { velocity, noise: NoiseModel::White, ..OutputError::default() })));
         }
         solvers.push(("ols", Box::new(Ols::default())));
         solvers.push(("thesis", Box::new(Thesis::default())));

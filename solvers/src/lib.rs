@@ -33,7 +33,7 @@ pub mod triangle;
 pub use bounded::BoundedSolver;
 pub use hold::Hold;
 pub use ols::Ols;
-pub use output_error::{OutputError, Velocity};
+pub use output_error::{NoiseModel, OutputError, Velocity};
 pub use quadratic::Quadratic;
 pub use recursive::{Estimator, Recursive};
 pub use regression::{LeastSquares, SolverRegression, System};

@@ -18,7 +18,7 @@ use wheelwright_core::solver::{Problem, Solution, SolveError, Solver, Status};
 use crate::OutputError;
 use crate::Velocity;
 use crate::least_squares::Limits;
-use crate::output_error::{Channels, Fit, FreeRun, Noise};
+use crate::output_error::{Channels, Fit, FreeRun, Noise, NoiseModel};
 
 /// Errors beyond this many σ pull no harder.
 const CORNER: f64 = 1.345;
@@ -56,7 +56,7 @@ impl Solver for Robust {
     }
 
     fn solve(&self, problem: &Problem<'_>) -> Result<Solution, SolveError> {
-        let settings = OutputError { velocity: self.velocity, coloured: false, ..OutputError::default() };
+        let settings = OutputError { velocity: self.velocity, noise: NoiseModel::White, ..OutputError::default() };
         let fit = Fit::new(&settings, problem)?;
         let (mut run, _) = fit.first_fit()?;
         let mut converged = false;

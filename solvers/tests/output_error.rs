@@ -5,7 +5,7 @@
 use wheelwright_core::solver::{Problem, SolveError, Solver, Status};
 use wheelwright_core::{Dataset, ModelConfig, RegressorModel, Stretch};
 use wheelwright_models::{VwPdConfig, WheelPdConfig};
-use wheelwright_solvers::{OutputError, Velocity};
+use wheelwright_solvers::{NoiseModel, OutputError, Velocity};
 
 const PIONEER: [f64; 6] = [0.2604, 0.2509, -0.0004, 0.9965, 0.0026, 1.0768];
 const KHEPERA: [f64; 6] = [0.0228, 0.0568, -0.0001, 1.0030, 0.0732, 0.9981];
@@ -178,4 +178,113 @@ fn settings_are_read_from_a_table() {
     let wrong = "type = 'output-error'\nvelocity = 'mean'".parse().unwrap();
     let error = wheelwright_core::config::tagged::<Box<dyn Solver>>(wrong).unwrap_err();
     assert!(error.to_string().contains("velocity"), "{error}");
+}
+
+/// The thesis' robot with random steps of 3 s, as it was driven and as a model sees it that does not know of a delay.
+fn delayed(delay: usize, rows: usize, seed: u64) -> Stretch {
+    let mut random = noise(seed);
+    let (period, hold) = (0.05, 60);
+    let mut steps = Vec::new();
+    for k in 0..rows {
+        if k % hold == 0 {
+            steps.push([0.4 + 0.6 * random(), 1.5 * random()]);
+        }
+    }
+    let command = |k: usize| steps[k / hold];
+    let (parts, theta) = (10, PIONEER);
+    let h = period / f64::from(parts);
+    let (mut x, mut inputs, mut outputs) = ([0.0; 2], vec![Vec::new(); 2], vec![Vec::new(); 2]);
+    for k in 0..rows {
+        for i in 0..2 {
+            inputs[i].push(command(k)[i]);
+            outputs[i].push(x[i] + 0.002 * random());
+        }
+        let u = command(k.saturating_sub(delay));
+        let rate = |x: [f64; 2]| {
+            [(u[0] + theta[2] * x[1] * x[1] - theta[3] * x[0]) / theta[0], (u[1] - theta[4] * x[0] * x[1] - theta[5] * x[1]) / theta[1]]
+        };
+        for _ in 0..parts {
+            let at = |d: [f64; 2], f: f64| [x[0] + f * d[0], x[1] + f * d[1]];
+            let k1 = rate(x);
+            let k2 = rate(at(k1, h / 2.0));
+            let k3 = rate(at(k2, h / 2.0));
+            let k4 = rate(at(k3, h));
+            (0..2).for_each(|i| x[i] += h / 6.0 * (k1[i] + 2.0 * k2[i] + 2.0 * k3[i] + k4[i]));
+        }
+    }
+    Stretch { label: "0".into(), time: stamps(period, rows, 0.0), inputs, outputs }
+}
+
+/// Sum over the outputs of the logarithm of the free-run error from the true start, by Euler steps of 1 ms and so
+/// independent of the simulator.
+fn free_run_error(theta: &[f64], data: &Stretch) -> f64 {
+    let (mut x, mut squares) = ([0.0; 2], [0.0; 2]);
+    for k in 0..data.len() {
+        for i in 0..2 {
+            squares[i] += (x[i] - data.outputs[i][k]).powi(2);
+        }
+        for _ in 0..50 {
+            let [v, w] = x;
+            x[0] += 0.001 * (data.inputs[0][k] + theta[2] * w * w - theta[3] * v) / theta[0];
+            x[1] += 0.001 * (data.inputs[1][k] - theta[4] * v * w - theta[5] * w) / theta[1];
+        }
+    }
+    squares.iter().map(|s| 0.5 * (s / data.len() as f64).ln()).sum()
+}
+
+#[test]
+fn a_model_that_leaves_out_a_delay_gets_the_parameters_whose_free_run_comes_nearest() {
+    let model = robot();
+    let driven = delayed(3, 3000, 11);
+    let data = data(vec![driven.clone()]);
+    let solve = |noise| OutputError { noise, ..OutputError::default() }.solve(&Problem::new(&*model, &data)).unwrap();
+    let solution = solve(NoiseModel::Auto);
+    assert!(solution.warnings.iter().any(|w| w.contains("structured error")), "{:?}", solution.warnings);
+    assert_eq!(solution.theta, solve(NoiseModel::White).theta);
+    // Descent along the axes with halved steps, by the other simulation.
+    let (mut best, mut cost, mut step) = (solution.theta.clone(), free_run_error(&solution.theta, &driven), 0.1);
+    let found = cost;
+    while step > 1e-3 {
+        let mut better = false;
+        for i in 0..6 {
+            for sign in [-1.0, 1.0] {
+                let mut trial = best.clone();
+                trial[i] += sign * step * best[i].abs().max(0.1);
+                let trial_cost = free_run_error(&trial, &driven);
+                if trial_cost < cost {
+                    (best, cost, better) = (trial, trial_cost, true);
+                }
+            }
+        }
+        step *= if better { 1.0 } else { 0.5 };
+    }
+    assert!(found - cost < 2e-3, "the error could be {:.2} % smaller: {best:?} for {:?}", 100.0 * (found - cost), solution.theta);
+    let whitened = solve(NoiseModel::Autoregressive);
+    assert!(free_run_error(&whitened.theta, &driven) > found + 0.01, "whitening would do as well: {:?}", whitened.theta);
+}
+
+#[test]
+fn a_right_model_under_coloured_noise_keeps_the_efficient_estimate() {
+    let model = robot();
+    for seed in 1..=4 {
+        let mut driven = drive(&PIONEER, stamps(0.05, 3000, 0.0), 10, false);
+        let mut random = noise(seed);
+        for series in &mut driven.outputs {
+            let mut error = 0.0;
+            for value in series {
+                error = 0.7 * error + 0.0123 * random();
+                *value += error;
+            }
+        }
+        let data = data(vec![driven]);
+        let solve = |noise| OutputError { noise, ..OutputError::default() }.solve(&Problem::new(&*model, &data)).unwrap();
+        let (auto, efficient, plain) = (solve(NoiseModel::Auto), solve(NoiseModel::Autoregressive), solve(NoiseModel::White));
+        let (std, plain_std) = (efficient.std.unwrap(), plain.std.unwrap());
+        assert_eq!(auto.warnings, Vec::<String>::new(), "seed {seed}");
+        for i in 0..6 {
+            assert!((auto.theta[i] - efficient.theta[i]).abs() < 0.1 * std[i], "seed {seed}: {:?} for {:?}", auto.theta, efficient.theta);
+            // The intervals of the plain fit know of the colour.
+            assert!(plain_std[i] > 0.99 * std[i] && (plain.theta[i] - PIONEER[i]).abs() < 4.0 * plain_std[i], "seed {seed}: {plain_std:?}");
+        }
+    }
 }

@@ -9,6 +9,7 @@
 //! it so. Where each encoder stood between two counts at the start is one more unknown.
 
 use nalgebra::{DMatrix, DVector};
+use wheelwright_core::Stretch;
 use wheelwright_core::model::ModelError;
 use wheelwright_core::simulation::{DIFFERENCE, Direction, Readout, Simulator};
 use wheelwright_core::solver::{Problem, SolveError};
@@ -16,6 +17,9 @@ use wheelwright_core::solver::{Problem, SolveError};
 use super::noise::{Channels, Noise};
 use super::start::Integrals;
 use crate::least_squares::{Factor, Residuals};
+
+/// Distance from a bound in difference steps below which a parameter sits at it, but for rounding.
+const AT_BOUND: f64 = 1e-3;
 
 pub(crate) struct FreeRun<'a> {
     problem: &'a Problem<'a>,
@@ -120,7 +124,7 @@ impl<'a> FreeRun<'a> {
             // Never across a bound: a lag that changes its sign is another robot.
             let column = self.transform.column(j);
             let to_bound = theta.iter().zip(&self.problem.bounds).zip(column.iter()).flat_map(|((t, (low, high)), d)| {
-                [(t - low).abs() / d.abs(), (high - t).abs() / d.abs()].into_iter().filter(|distance| *distance > 0.0)
+                [(t - low).abs() / d.abs(), (high - t).abs() / d.abs()].into_iter().filter(|distance| *distance > AT_BOUND * step)
             });
             to_bound.fold(step, |step, distance| step.min(0.5 * distance))
         };
@@ -186,6 +190,26 @@ fn stretch_errors(
         error.iter_mut().for_each(|e| *e += offset);
     }
     Ok(run)
+}
+
+impl FreeRun<'_> {
+    /// For every stretch the whitened columns of the parameters, cleared of what its start can do, and the whitened error.
+    pub(super) fn cleared(&mut self, mut each: impl FnMut(&Stretch, DMatrix<f64>, &[f64])) -> Result<(), SolveError> {
+        let directions = self.directions();
+        self.simulator.set_theta(&self.problem.map.theta(self.z.as_slice()))?;
+        let n = self.starts.first().map_or(0, DVector::len);
+        for s in 0..self.starts.len() {
+            let columns = self.columns(s, &directions)?;
+            let free = columns.ncols() - n - 1;
+            let Factor { r, .. } = Factor::of(columns.clone());
+            let mut cleared = columns.columns(n, free).into_owned();
+            if let Some(part) = r.view((0, 0), (n, n)).solve_upper_triangular(&r.view((0, n), (n, free))) {
+                cleared -= columns.columns(0, n) * part;
+            }
+            each(&self.problem.data.stretches[s], cleared, columns.column(n + free).as_slice());
+        }
+        Ok(())
+    }
 }
 
 impl Residuals for FreeRun<'_> {

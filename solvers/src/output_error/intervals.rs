@@ -26,7 +26,8 @@ pub(super) struct Intervals {
 }
 
 impl Intervals {
-    pub(super) fn new(transform: &DMatrix<f64>, limits: &Limits, outcome: &Outcome, freedom: f64) -> Self {
+    /// `scores` is the covariance of Σ (∂error/∂z) error where errors are not white; then cov z = (RᵀR)⁻¹ scores (RᵀR)⁻¹.
+    pub(super) fn new(transform: &DMatrix<f64>, limits: &Limits, outcome: &Outcome, freedom: f64, scores: Option<&DMatrix<f64>>) -> Self {
         let variance = outcome.factor.cost() / freedom;
         let basis = unbounded_directions(limits, &outcome.active);
         let seen = &outcome.factor.r * &basis;
@@ -37,10 +38,11 @@ impl Intervals {
         let values = svd.singular_values;
         let inverse = |k: usize, j: usize| v[(k, j)] / (values[j] * lengths[k]);
         let root = &basis * DMatrix::from_fn(lengths.len(), values.len(), inverse);
+        let inverse = &root * root.transpose();
         let (largest, smallest) = (values.iter().copied().fold(0.0, f64::max), values.iter().copied().fold(f64::INFINITY, f64::min));
         let least = values.iter().enumerate().min_by(|a, b| a.1.total_cmp(b.1)).map_or(0, |(j, _)| j);
         Self {
-            covariance: variance * &root * root.transpose(),
+            covariance: scores.map_or_else(|| variance * &inverse, |scores| &inverse * scores * &inverse),
             transform: transform.clone(),
             quantile: StudentsT::new(0.0, 1.0, freedom).map_or(1.96, |t| t.inverse_cdf(0.975)),
             condition: if values.is_empty() { 1.0 } else { largest / smallest },
@@ -93,7 +95,7 @@ pub(crate) fn not_identifiable(problem: &Problem<'_>, transform: &DMatrix<f64>, 
 }
 
 /// A basis of the directions in which no active limit is left.
-fn unbounded_directions(limits: &Limits, active: &[usize]) -> DMatrix<f64> {
+pub(super) fn unbounded_directions(limits: &Limits, active: &[usize]) -> DMatrix<f64> {
     let n = limits.g.ncols();
     if active.is_empty() {
         return DMatrix::identity(n, n);

@@ -8,6 +8,7 @@
 mod free_run;
 mod intervals;
 mod noise;
+mod specification;
 mod start;
 
 use nalgebra::{DMatrix, DVector};
@@ -22,6 +23,7 @@ pub(crate) use free_run::FreeRun;
 use intervals::Intervals;
 pub(crate) use intervals::not_identifiable;
 pub(crate) use noise::{Channels, Noise};
+use specification::{Scores, Specification};
 use start::Integrals;
 
 /// Simulation error below this share of an output's largest value is numerical error, not noise.
@@ -42,6 +44,20 @@ pub enum Velocity {
     Difference,
 }
 
+/// What the error of the fit is taken for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum NoiseModel {
+    /// Autoregressive noise if a specification test finds the error to be noise; else the error is a fault of the model,
+    /// and the parameters are those whose free run comes nearest.
+    #[default]
+    Auto,
+    /// Autoregressive noise in any case: maximum likelihood if the model is right.
+    Autoregressive,
+    /// Every sample counts alike: the parameters whose free run comes nearest, with intervals that allow for any colour.
+    White,
+}
+
 /// Settings of the `output-error` solver.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
@@ -49,16 +65,15 @@ pub struct OutputError {
     /// What the recorded velocities are: `"instantaneous"` (default) or `"difference"`. Mistaking one for the other
     /// shifts every time constant by half a sample.
     pub velocity: Velocity,
-    /// Whether the noise model is autoregressive (default) or white. White noise is for comparison: its intervals are
-    /// far too short on most recordings.
-    pub coloured: bool,
+    /// What the error left is taken for: `"auto"` (default), `"autoregressive"` or `"white"`.
+    pub noise: NoiseModel,
     /// Most iterations of each fit. Default 100.
     pub max_iterations: usize,
 }
 
 impl Default for OutputError {
     fn default() -> Self {
-        Self { velocity: Velocity::default(), coloured: true, max_iterations: 100 }
+        Self { velocity: Velocity::default(), noise: NoiseModel::default(), max_iterations: 100 }
     }
 }
 
@@ -76,6 +91,25 @@ impl Solver for OutputError {
     fn solve(&self, problem: &Problem<'_>) -> Result<Solution, SolveError> {
         Fit::new(self, problem)?.solve()
     }
+}
+
+/// How errors are weighted.
+#[derive(Debug, Clone, Copy)]
+enum Weights {
+    /// By the root mean square error of their output.
+    White,
+    /// By the autoregression that describes them.
+    Autoregressive,
+}
+
+/// A fit that has settled.
+struct Fitted {
+    outcome: Outcome,
+    rounds: usize,
+    /// For a plain fit.
+    scores: Option<Scores>,
+    /// The test that found the error to be no noise.
+    structured: Option<Specification>,
 }
 
 /// One run of the solver.
@@ -123,10 +157,43 @@ impl<'a> Fit<'a> {
 
     fn solve(&self) -> Result<Solution, SolveError> {
         let (mut run, outcome) = self.first_fit()?;
-        let (outcome, rounds) = self.settle(&mut run, outcome)?;
+        let fitted = match self.settings.noise {
+            NoiseModel::Autoregressive => self.settle(&mut run, outcome, Weights::Autoregressive)?,
+            NoiseModel::White => self.plain(&mut run, outcome)?,
+            NoiseModel::Auto => self.specified(&mut run, outcome)?,
+        };
+        self.solution(&run, fitted)
+    }
+
+    /// The fit in which every sample counts alike, with the covariance of its scores.
+    fn plain(&self, run: &mut FreeRun<'a>, outcome: Outcome) -> Result<Fitted, SolveError> {
+        let mut fitted = self.settle(run, outcome, Weights::White)?;
+        let noise = Noise::estimate(&run.errors()?, &self.floor, None);
+        fitted.scores = Some(Scores::new(run, &noise)?);
+        Ok(fitted)
+    }
+
+    /// The plain fit, unless what it leaves passes for noise: then the efficient one.
+    fn specified(&self, run: &mut FreeRun<'a>, outcome: Outcome) -> Result<Fitted, SolveError> {
+        let mut fitted = self.plain(run, outcome)?;
+        let Some(scores) = &fitted.scores else { return Ok(fitted) };
+        let noise = Noise::estimate(&run.errors()?, &self.floor, None);
+        let plain = std::mem::replace(&mut run.noise, noise);
+        let test = Specification::new(&self.limits, &fitted.outcome, &run.linearise()?, &scores.autoregressive);
+        if test.is_noise() {
+            return self.settle(run, fitted.outcome, Weights::Autoregressive);
+        }
+        run.noise = plain;
+        fitted.structured = Some(test);
+        Ok(fitted)
+    }
+
+    fn solution(&self, run: &FreeRun<'_>, fitted: Fitted) -> Result<Solution, SolveError> {
+        let Fitted { outcome, rounds, scores, structured } = fitted;
         let theta = self.problem.map.theta(outcome.z.as_slice());
         let scale = self.integrals.free_scale(&self.transform, &theta);
-        let intervals = Intervals::new(&self.transform, &self.limits, &outcome, run.freedom());
+        let scores = scores.as_ref().map(|s| if structured.is_some() { &s.robust } else { &s.autoregressive });
+        let intervals = Intervals::new(&self.transform, &self.limits, &outcome, run.freedom(), scores);
         let condition = intervals.identifiability(self.problem, &scale)?;
         let at_bound = self.at_bound(&theta);
         let status = match (outcome.converged && rounds < ROUNDS, at_bound.is_empty()) {
@@ -139,8 +206,8 @@ impl<'a> Fit<'a> {
             std: Some(intervals.std()),
             status,
             condition,
-            steps: self.steps(&run, rounds),
-            warnings: Vec::new(),
+            steps: self.steps(run, rounds, scores.is_some()),
+            warnings: structured.iter().map(Specification::warning).collect(),
             regression: None,
             theta,
             at_bound,
@@ -201,29 +268,34 @@ impl<'a> Fit<'a> {
         let (z, factor) = (run.z().clone(), run.linearise()?);
         let scale = self.integrals.free_scale(&self.transform, &self.problem.map.theta(z.as_slice()));
         let outcome = Outcome { z, factor, converged: true, smooth: true, active: Vec::new() };
-        Intervals::new(&self.transform, &self.limits, &outcome, run.freedom()).identifiability(self.problem, &scale)
+        Intervals::new(&self.transform, &self.limits, &outcome, run.freedom(), None).identifiability(self.problem, &scale)
     }
 
-    /// Alternates between noise model and fit until the fit has settled; the number of rounds it took.
-    fn settle(&self, run: &mut FreeRun<'a>, mut outcome: Outcome) -> Result<(Outcome, usize), SolveError> {
-        let mut orders = (!self.settings.coloured).then(|| vec![0; self.floor.len()]);
+    /// Alternates between weights and fit until the fit has settled.
+    fn settle(&self, run: &mut FreeRun<'a>, mut outcome: Outcome, weights: Weights) -> Result<Fitted, SolveError> {
+        let mut orders = None;
+        let mut rounds = ROUNDS;
         for round in 1..=ROUNDS {
             let shorter = run.choose_step()?;
-            run.noise = Noise::estimate(&run.errors()?, &self.floor, orders.as_deref());
+            let errors = run.errors()?;
+            run.noise = match weights {
+                Weights::White => Noise::white(&root_mean_squares(&errors, &self.floor)),
+                Weights::Autoregressive => Noise::estimate(&errors, &self.floor, orders.as_deref()),
+            };
             let fitted = minimise(run, outcome.z.clone(), &self.limits, self.options())?;
             let moved = &fitted.z - &outcome.z;
-
             let settled = fitted.factor.deviations().iter().zip(moved.iter()).all(|(d, m)| m.abs() <= SETTLED * d);
             outcome = fitted;
             if settled && round > 1 && !shorter {
-                return Ok((outcome, round));
+                rounds = round;
+                break;
             }
             // An order that keeps changing its mind would keep the fit from settling.
             if round == 2 {
                 orders.get_or_insert(run.noise.orders());
             }
         }
-        Ok((outcome, ROUNDS))
+        Ok(Fitted { outcome, rounds, scores: None, structured: None })
     }
 
     fn readout(&self) -> Readout {
@@ -264,9 +336,14 @@ impl<'a> Fit<'a> {
         bounds.filter(|(i, (low, high))| !fixed(*i) && (near(theta[*i], *low) || near(theta[*i], *high))).map(|(i, _)| i).collect()
     }
 
-    fn steps(&self, run: &FreeRun<'_>, rounds: usize) -> Vec<String> {
+    fn steps(&self, run: &FreeRun<'_>, rounds: usize, plain: bool) -> Vec<String> {
         let outputs = self.problem.data.outputs.iter().zip(run.noise.orders());
         let noise: Vec<String> = outputs.map(|(channel, order)| format!("{} of order {order}", channel.name)).collect();
+        let weights = if plain {
+            "every sample of an output counts alike, outputs by the size of their error; weights".to_owned()
+        } else {
+            format!("autoregressive noise: {}; noise model", noise.join(", "))
+        };
         let readout = match self.settings.velocity {
             Velocity::Instantaneous => "at the time of the sample",
             Velocity::Difference => "as the mean since the sample before",
@@ -276,7 +353,7 @@ impl<'a> Fit<'a> {
                 "simulated {} stretch(es) freely from inputs held between samples, outputs read {readout}, the start of each stretch estimated",
                 self.problem.data.stretches.len()
             ),
-            format!("autoregressive noise: {}; fit and noise model settled in {rounds} round(s)", noise.join(", ")),
+            format!("{weights} and fit settled in {rounds} round(s)"),
         ]
     }
 }
@@ -291,6 +368,14 @@ fn compared(problem: &Problem<'_>, velocity: Velocity) -> Vec<Channels> {
         outputs
     };
     problem.data.stretches.iter().map(of).collect()
+}
+
+fn root_mean_squares(errors: &[Channels], floor: &[f64]) -> Vec<f64> {
+    let of = |(c, floor): (usize, &f64)| {
+        let count: usize = errors.iter().map(|e| e[c].len()).sum();
+        (errors.iter().flat_map(|e| &e[c]).map(|x| x * x).sum::<f64>() / count as f64).sqrt().max(*floor)
+    };
+    floor.iter().enumerate().map(of).collect()
 }
 
 /// Bounds of θ = T z + c as G z ≥ h.

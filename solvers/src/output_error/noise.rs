@@ -92,6 +92,22 @@ impl Noise {
             }
         }
     }
+
+    /// The transposed inverse of [`whiten`](Self::whiten), in place: xᵀ e = (this x)ᵀ (e whitened).
+    pub(super) fn unwhiten_transposed(&self, values: &mut Channels) {
+        for (filter, series) in self.filters.iter().zip(values.iter_mut()) {
+            filter.unapply_transposed(series);
+        }
+        // The transposed factor is upper triangular: substitution from the last output up.
+        for i in (0..values.len()).rev() {
+            let (above, below) = values.split_at_mut(i + 1);
+            for (j, other) in below.iter().enumerate() {
+                let factor = self.mix[(i + 1 + j, i)];
+                above[i].iter_mut().zip(other).for_each(|(x, y)| *x -= factor * y);
+            }
+            above[i].iter_mut().for_each(|x| *x /= self.mix[(i, i)]);
+        }
+    }
 }
 
 impl Autoregression {
@@ -138,6 +154,16 @@ impl Autoregression {
             now[0] = (now[0] - predicted) * self.gain[p];
         }
     }
+
+    fn unapply_transposed(&self, series: &mut [f64]) {
+        let order = self.gain.len() - 1;
+        for k in (0..series.len()).rev() {
+            let p = k.min(order);
+            series[k] /= self.gain[p];
+            let now = series[k] * self.gain[p];
+            series[..k].iter_mut().rev().zip(&self.coefficients[p]).for_each(|(x, a)| *x += a * now);
+        }
+    }
 }
 
 #[cfg(test)]
@@ -170,6 +196,20 @@ mod tests {
         noise.whiten(&mut white);
         let variance = white[0].iter().map(|x| x * x).sum::<f64>() / 20_000.0;
         assert!((variance - 1.0).abs() < 1e-3, "{variance}");
+    }
+
+    #[test]
+    fn the_transposed_inverse_keeps_products() {
+        let (a, b) = (autoregressive(0.9, 400), autoregressive(0.5, 400));
+        let mixed = a.iter().zip(&b).map(|(a, b)| 0.1 * (a + 0.3 * b)).collect();
+        let mut errors = vec![a, mixed];
+        let noise = Noise::estimate(&[errors.clone()], &[1e-9; 2], Some(&[3, 1]));
+        let mut column: Channels = (0..2).map(|c| (0..400).map(|k| (0.1 * k as f64 + c as f64).sin()).collect()).collect();
+        let product = |x: &Channels, y: &Channels| x.iter().flatten().zip(y.iter().flatten()).map(|(a, b)| a * b).sum::<f64>();
+        let before = product(&column, &errors);
+        noise.unwhiten_transposed(&mut column);
+        noise.whiten(&mut errors);
+        assert!((product(&column, &errors) - before).abs() < 1e-11 * before.abs(), "{} for {before}", product(&column, &errors));
     }
 
     /// The likelihood of a Gaussian autoregression is that of its covariance matrix: ‖whitened‖² = eᵀ C⁻¹ e.
