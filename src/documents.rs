@@ -11,18 +11,18 @@ use crate::study::Findings;
 
 /// `wheelwright.identify/1`.
 pub fn identify(findings: &Findings, found: &Identification) -> Value {
-    let parameters = found.estimates.iter().map(|e| {
+    let parameters = found.estimates.iter().enumerate().map(|(i, e)| {
         json!({
             "name": e.parameter.name,
             "value": e.value,
             "std": e.std,
             "ci95": e.ci95.map(|(low, high)| [low, high]),
             "unit": e.parameter.unit,
-            "identifiable": true,
+            "identifiable": findings.evidence.identifiable(i),
             "at_bound": e.at_bound,
         })
     });
-    json!({
+    let mut document = json!({
         "schema": "wheelwright.identify/1",
         "model": found.model,
         "solver": found.solver,
@@ -37,7 +37,11 @@ pub fn identify(findings: &Findings, found: &Identification) -> Value {
         "condition": number(found.solution.condition),
         "steps": found.solution.steps,
         "warnings": findings.warnings,
-    })
+    });
+    if let (Value::Object(all), Value::Object(evidence)) = (&mut document, findings.evidence.document()) {
+        all.extend(evidence);
+    }
+    document
 }
 
 /// Fit in percent by output name; `null` where there is none.

@@ -8,6 +8,7 @@ pub mod config;
 pub mod constraints;
 pub mod documents;
 pub mod error;
+pub mod evidence;
 pub mod model_file;
 pub mod output;
 pub mod registry;

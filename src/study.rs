@@ -12,6 +12,7 @@ use wheelwright_core::solver::{Problem, Solver};
 
 use crate::constraints::Freedom;
 use crate::error::Error;
+use crate::evidence::Evidence;
 use crate::report::RecordingFacts;
 use crate::source::Source;
 
@@ -51,6 +52,8 @@ pub struct Findings {
     pub held_out: Dataset,
     /// The identification, or why there is none.
     pub identification: Result<Identification, IdentifyError>,
+    /// What surrounds the identification; empty if there is none.
+    pub evidence: Evidence,
     /// What a user should know: readers' warnings, then the solver's.
     pub warnings: Vec<String>,
 }
@@ -64,8 +67,10 @@ impl Study {
     pub fn identify(&self, sources: &[Source], validation: &[Source]) -> Result<Findings, Error> {
         let mut train = self.empty();
         let mut held_out = self.empty();
+        let mut each = Vec::new();
         for source in sources {
             let (kept, held) = self.dataset(source)?.hold_out(self.holdout);
+            each.push((source.facts.path.clone(), kept.clone()));
             train.extend(kept);
             held_out.extend(held);
         }
@@ -81,11 +86,14 @@ impl Study {
         let Freedom { map, bounds } = self.freedom.clone();
         let problem = Problem { model: &*self.model, data: &train, map, bounds, seed: self.seed };
         let identification = identify(&problem, &*self.solver, &held_out);
+        let gather = |found: &Identification| Evidence::gather(&problem, &*self.solver, found, &held_out, &each);
+        let evidence = identification.as_ref().map(gather).unwrap_or_default();
         let recordings: Vec<_> = sources.iter().map(|s| s.facts.clone()).collect();
         let used = |s: &Source| RecordingFacts { used_for: "validation".to_owned(), ..s.facts.clone() };
         let validation_recordings: Vec<_> = validation.iter().map(used).collect();
-        let warnings = warnings(recordings.iter().chain(&validation_recordings), &identification);
-        Ok(Findings { recordings, validation_recordings, identification, warnings, train, held_out })
+        let mut warnings = warnings(recordings.iter().chain(&validation_recordings), &identification);
+        warnings.extend(evidence.concerns());
+        Ok(Findings { recordings, validation_recordings, identification, evidence, warnings, train, held_out })
     }
 
     /// Opens recordings by path.

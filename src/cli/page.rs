@@ -26,7 +26,8 @@ pub(super) fn study_page(study: &Study, findings: &Findings) -> String {
         outcome,
         recordings: &recordings,
         steps: &[],
-        warnings: &[],
+        evidence: &findings.evidence.sentences(),
+        warnings: &findings.evidence.concerns(),
         facts: &facts,
     })
 }

@@ -2,6 +2,7 @@
 
 use std::fmt::Write;
 
+use wheelwright_core::ceiling::OutputCeiling;
 use wheelwright_core::identification::{Estimate, Identification};
 use wheelwright_core::validation::Validation;
 
@@ -27,6 +28,14 @@ pub(super) fn identification(findings: &Findings, found: &Identification) -> Str
         let _ = writeln!(text, "  held out     {}", fits(held_out));
     }
     let _ = writeln!(text, "  fitted       {}", fits(&found.train));
+    if let Some(ceiling) = &findings.evidence.ceiling {
+        let row = |pick: fn(&OutputCeiling) -> Option<f64>| ceiling.iter().map(|c| percent(pick(c))).collect::<String>();
+        let _ = writeln!(text, "  ceiling      {}   (the best that any model could reach)", row(|c| c.fit));
+        let _ = writeln!(text, "  NARX         {}   (a short black-box model)", row(|c| c.narx));
+    }
+    for sentence in findings.evidence.sentences() {
+        let _ = writeln!(text, "\n{sentence}");
+    }
     text
 }
 
@@ -40,5 +49,9 @@ fn parameter(estimate: &Estimate) -> String {
 }
 
 fn fits(validation: &Validation) -> String {
-    validation.fit.iter().map(|fit| fit.map_or_else(|| format!("{:>12}", "—"), |f| format!("{:>10.2} %", f))).collect()
+    validation.fit.iter().map(|fit| percent(*fit)).collect()
+}
+
+fn percent(fit: Option<f64>) -> String {
+    fit.map_or_else(|| format!("{:>12}", "—"), |f| format!("{f:>10.2} %"))
 }

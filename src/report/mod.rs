@@ -47,6 +47,8 @@ pub struct ReportInput<'a> {
     pub recordings: &'a [RecordingFacts],
     /// What was done to the data before the solver, a sentence a step.
     pub steps: &'a [String],
+    /// What surrounds the result, a sentence each: noise ceiling, lag, sampling, agreement of the runs.
+    pub evidence: &'a [String],
     /// What a user should know, besides what the solver and the recordings themselves warn of.
     pub warnings: &'a [String],
     /// Settings worth stating, by name: share held out, seed, period.
@@ -135,6 +137,7 @@ pub fn html(input: &ReportInput<'_>) -> String {
             }
             page.section("training", "Measured against simulated: training data", &fit::html(input.model, &found.train, "training"));
             page.section("parameters", "Parameters", &parameters::html(found));
+            page.section("evidence", "How far to trust it", &provenance::evidence(input.evidence));
             page.section("regression", "Regression", &regression::html(input.model, &found.solution));
             page.section("spectra", "Spectra", &excitation::spectra(input.model, found));
         }

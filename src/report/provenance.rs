@@ -17,6 +17,12 @@ pub(super) fn steps(input: &ReportInput<'_>) -> String {
     if items.is_empty() { items } else { format!("<ol class=\"steps\">{items}</ol>\n") }
 }
 
+/// Sentences that stand beside the result.
+pub(super) fn evidence(sentences: &[String]) -> String {
+    let items: String = sentences.iter().map(|sentence| format!("<li>{}</li>", escape(sentence))).collect();
+    if items.is_empty() { items } else { format!("<ul class=\"evidence\">{items}</ul>\n") }
+}
+
 /// A card a recording.
 pub(super) fn recordings(recordings: &[RecordingFacts]) -> String {
     let card = |r: &RecordingFacts| {

@@ -160,6 +160,7 @@ fn page(model: &Drive, path: &str, outcome: Outcome<'_>, data: &Dataset) -> Stri
         outcome,
         recordings: &[facts_of(path, data)],
         steps: &steps,
+        evidence: &[],
         warnings: &[],
         facts: &facts,
     })
