@@ -23,7 +23,7 @@ const GRID: [f64; 13] = [-1.0, -0.5, 0.5, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 9.0, 13.
 const EARLIEST: f64 = 2.0;
 /// Delays below this share of a period are not worth counting, however narrow their interval: stamps mean no more.
 const NEGLIGIBLE: f64 = 0.05;
-/// Delays beyond this share of the shortest stretch leave too little of it.
+/// Delays beyond this share of a typical stretch leave too little of it.
 const LONGEST: f64 = 0.25;
 /// Correlation beyond which two things count as hardly told apart.
 const CONFOUNDED: f64 = 0.95;
@@ -43,7 +43,7 @@ pub struct AxisLag {
     pub ci95_s: (f64, f64),
     /// True if the interval lies above zero, and the delay above a twentieth of a period and within what was searched.
     pub late: bool,
-    /// True if the best delay lies at the limit of what was searched: two periods early, or a quarter of the shortest stretch late.
+    /// True if the best delay lies at the limit of what was searched: two periods early, or a quarter of a typical stretch late.
     /// Then it is no delay but something else that the model leaves out.
     pub at_limit: bool,
     /// Time constant of the answer, fitted with the delay \[s\].
@@ -111,7 +111,7 @@ fn likelihood(error: &[f64]) -> f64 {
 
 /// Longest delay searched \[s\].
 fn longest(data: &Dataset) -> f64 {
-    LONGEST * data.stretches.iter().map(|s| s.time[s.len() - 1] - s.time[0]).fold(f64::INFINITY, f64::min)
+    LONGEST * data.period() * local::typical_rows(data) as f64
 }
 
 /// The best delay of each axis on the grid. The change that a delay makes is simulated once; parameters and starts answer it to
@@ -362,6 +362,19 @@ mod tests {
         assert!(lag.axes[0].statement.contains("without a delay"), "{}", lag.axes[0].statement);
         assert!(lag.axes[1].statement.starts_with("omega answers omega_ref 0.1"), "{}", lag.axes[1].statement);
         assert!(lag.error_with[1] < 0.8 * lag.error_without[1], "{lag:?}");
+    }
+
+    #[test]
+    fn a_short_straggler_changes_nothing() {
+        let mut data = late(&steps, 40, [0, 150], 0.01, 0.5, 3);
+        let alone = found(&data);
+        let straggler = data.stretches[0].slice(300..303);
+        data.stretches.push(straggler);
+        let lag = found(&data);
+        for (with, without) in lag.axes.iter().zip(&alone.axes) {
+            assert!((with.delay_s - without.delay_s).abs() < 0.2 * without.std_s, "{with:?} {without:?}");
+            assert!((with.std_s / without.std_s - 1.0).abs() < 0.1, "{with:?} {without:?}");
+        }
     }
 
     #[test]

@@ -28,8 +28,9 @@ impl Autoregression {
     /// samples, which keeps the filter stable whatever the data.
     pub(crate) fn fit(stretches: &[&[f64]]) -> Self {
         let samples: usize = stretches.iter().map(|s| s.len()).sum();
-        let shortest = stretches.iter().map(|s| s.len()).min().unwrap_or(0);
-        let order = MAX_ORDER.min(shortest / 4).min(samples / 20);
+        // A few short stragglers say little and must not forbid what the rest shows.
+        let mean = samples / stretches.len().max(1);
+        let order = MAX_ORDER.min(mean / 4).min(samples / 20);
         let covariance = |lag: usize| {
             stretches.iter().map(|s| s.iter().zip(s.iter().skip(lag)).map(|(a, b)| a * b).sum::<f64>()).sum::<f64>() / samples.max(1) as f64
         };

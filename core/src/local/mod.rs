@@ -4,19 +4,20 @@
 //! start of every stretch. The latter act on their own stretch only and are projected out of it. This serves the judgements
 //! made before and beside a fit; the fit itself, with bounds, intervals and several starts, is a solver's.
 
-use std::borrow::Cow;
+mod delay;
+mod scale;
+mod start;
 
 use nalgebra::{DMatrix, DVector};
 
 use crate::dataset::{Dataset, Stretch};
-use crate::model::{ModelError, ParameterMap, RegressorModel, Sample};
+use crate::model::{ModelError, ParameterMap, RegressorModel};
 use crate::noise::Autoregression;
-use crate::regression::{self, Form, Settings};
 use crate::simulation::{DIFFERENCE, Direction, Simulator};
-use crate::solver::SolveError;
+use delay::{delayed, pick};
+pub(crate) use scale::{linear_part, plausible, time_constants};
+pub(crate) use start::{about, quick_fit};
 
-/// Window of the integral regression that starts the fit \[s\].
-const WINDOW_S: f64 = 1.0;
 /// Columns whose norm is this small a share of the largest carry rounding only.
 const RANK: f64 = 1e-7;
 /// Steps of the quick fit, and halvings of one.
@@ -351,225 +352,8 @@ fn direction(map: &ParameterMap, j: usize, sizes: &[f64]) -> Direction {
     Direction { along, step: DIFFERENCE * if size.is_finite() { size } else { 1.0 } }
 }
 
-fn pick(column: Vec<f64>, rows: &Option<Vec<usize>>) -> Vec<f64> {
-    match rows {
-        Some(rows) => rows.iter().map(|&k| column[k]).collect(),
-        None => column,
-    }
-}
-
-/// A stretch whose inputs come later by their delays (earlier, if negative), and the rows of it that are the original's; before
-/// its first value an input is held. Every change of an input starts a row of its own, so that the hold stays exact. The outputs
-/// are the original's, for their size only.
-fn delayed<'s>(stretch: &'s Stretch, axes: &[Option<usize>], delays: &[f64]) -> (Cow<'s, Stretch>, Option<Vec<usize>>) {
-    let of = |input: usize| axes.get(input).copied().flatten().and_then(|axis| delays.get(axis)).copied().unwrap_or(0.0);
-    let shifts: Vec<f64> = (0..stretch.inputs.len()).map(of).collect();
-    if shifts.iter().all(|d| *d == 0.0) {
-        return (Cow::Borrowed(stretch), None);
-    }
-    let time = &stretch.time;
-    let (first, last) = (time[0], time[time.len() - 1]);
-    let mut distinct: Vec<f64> = shifts.iter().copied().filter(|d| *d != 0.0).collect();
-    distinct.sort_by(f64::total_cmp);
-    distinct.dedup();
-    // A row closer to another than this is the same.
-    let same = 1e-9 * (last - first) / time.len() as f64;
-    let mut merged: Vec<(f64, bool)> = time.iter().map(|t| (*t, true)).collect();
-    for shift in distinct {
-        merged.extend(time.iter().map(|t| (t + shift, false)).filter(|(t, _)| *t > first && *t < last));
-    }
-    merged.sort_by(|a, b| a.0.total_cmp(&b.0).then(b.1.cmp(&a.1)));
-    let mut kept: Vec<(f64, bool)> = Vec::with_capacity(merged.len());
-    for (t, original) in merged {
-        match kept.last_mut() {
-            Some((before, was_original)) if t - *before <= same && !(original && *was_original) => {
-                if original {
-                    (*before, *was_original) = (t, true);
-                }
-            }
-            _ => kept.push((t, original)),
-        }
-    }
-    let held = |(column, shift): (&Vec<f64>, &f64)| -> Vec<f64> {
-        let mut k = 0;
-        let mut at = |t: f64| {
-            while k + 1 < time.len() && time[k + 1] + shift <= t + same {
-                k += 1;
-            }
-            column[k]
-        };
-        kept.iter().map(|(t, _)| at(*t)).collect()
-    };
-    let inputs = stretch.inputs.iter().zip(&shifts).map(held).collect();
-    let rows = kept.iter().enumerate().filter(|(_, (_, original))| *original).map(|(k, _)| k).collect();
-    let time = kept.iter().map(|(t, _)| *t).collect();
-    (Cow::Owned(Stretch { label: stretch.label.clone(), time, inputs, outputs: stretch.outputs.clone() }), Some(rows))
-}
-
-/// L, row-major: how the accelerations change with the outputs about rest; `None` where the equations leave them undetermined.
-pub(crate) fn linear_part(model: &dyn RegressorModel, theta: &[f64]) -> Option<DMatrix<f64>> {
-    let n = model.outputs().len();
-    let inputs = vec![0.0; model.inputs().len()];
-    let mut linear = DMatrix::zeros(n, n);
-    for j in 0..n {
-        let side = |x: f64| {
-            let mut outputs = vec![0.0; n];
-            outputs[j] = x;
-            let mut a = vec![0.0; n];
-            model.accelerations(theta, &inputs, &outputs, &mut a).ok().map(|()| a)
-        };
-        let (up, down) = (side(1.0)?, side(-1.0)?);
-        (0..n).for_each(|i| linear[(i, j)] = 0.5 * (up[i] - down[i]));
-    }
-    linear.iter().all(|x| x.is_finite()).then_some(linear)
-}
-
-/// Time constant of each output by itself, −1/L_ii \[s\], kept between half a period and the duration of the data.
-pub(crate) fn time_constants(model: &dyn RegressorModel, theta: &[f64], data: &Dataset) -> Vec<f64> {
-    let (shortest, longest) = (0.5 * data.period(), data.duration().max(data.period()));
-    let of = |rate: f64| if rate > 0.0 { (1.0 / rate).clamp(shortest, longest) } else { longest };
-    match linear_part(model, theta) {
-        Some(linear) => linear.diagonal().iter().map(|l| of(-l)).collect(),
-        None => vec![10.0 * data.period(); model.outputs().len()],
-    }
-}
-
-/// The plausible size of each parameter: that at which its term alone takes as much command as the largest in the data, when
-/// every output moves as far as it does in the data, all at once, and as fast as its time constant lets it.
-///
-/// Unlike the root mean square of a column this does not depend on which motions were combined in the recording, so that a
-/// motion that is missing cannot make a parameter look large. A channel that never moves is taken to reach one SI unit.
-pub(crate) fn plausible(model: &dyn RegressorModel, data: &Dataset, theta: &[f64]) -> Vec<f64> {
-    let reach = |columns: &dyn Fn(&Stretch) -> &Vec<Vec<f64>>, i: usize| {
-        let largest = data.stretches.iter().flat_map(|s| columns(s)[i].iter()).fold(0.0_f64, |m, x| m.max(x.abs()));
-        if largest > 0.0 { largest } else { 1.0 }
-    };
-    let inputs: Vec<f64> = (0..data.inputs.len()).map(|i| reach(&|s| &s.inputs, i)).collect();
-    let outputs: Vec<f64> = (0..data.outputs.len()).map(|i| reach(&|s| &s.outputs, i)).collect();
-    let lags = time_constants(model, theta, data);
-    let (equations, parameters) = (model.equations(), theta.len());
-    let (mut phi, mut y) = (vec![0.0; equations * parameters], vec![0.0; equations]);
-    let (mut largest_phi, mut largest_y) = (vec![0.0_f64; equations * parameters], vec![0.0_f64; equations]);
-    // All corners of the box of outputs would double with every output; alternating signs already show every product.
-    for corner in 0..4_usize {
-        let sign = |i: usize| if (corner >> (i % 2)) & 1 == 0 { 1.0 } else { -1.0 };
-        let x: Vec<f64> = outputs.iter().enumerate().map(|(i, x)| sign(i) * x).collect();
-        let a: Vec<f64> = x.iter().zip(&lags).map(|(x, t)| x / t).collect();
-        model.regressor(Sample { inputs: &inputs, outputs: &x, accelerations: &a }, &mut phi, &mut y);
-        largest_phi.iter_mut().zip(&phi).for_each(|(m, x)| *m = m.max(x.abs()));
-        largest_y.iter_mut().zip(&y).for_each(|(m, x)| *m = m.max(x.abs()));
-    }
-    let of = |j: usize| {
-        let sizes = (0..equations).map(|e| largest_y[e] / largest_phi[e * parameters + j]).filter(|s| s.is_finite() && *s > 0.0);
-        let size = sizes.fold(f64::INFINITY, f64::min);
-        if size.is_finite() { size } else { theta[j].abs().max(1.0) }
-    };
-    (0..parameters).map(of).collect()
-}
-
-/// A quick estimate of the free parameters: regression over windows of a second, which needs no start.
-///
-/// # Errors
-/// [`SolveError`] as [`regression::visit`].
-pub(crate) fn regression_start(model: &dyn RegressorModel, map: &ParameterMap, data: &Dataset) -> Result<Vec<f64>, SolveError> {
-    let shortest = data.stretches.iter().map(|s| s.len()).min().unwrap_or(2);
-    let window = ((WINDOW_S / data.period()).round() as usize).clamp(1, (shortest / 2).max(1));
-    let settings = Settings { form: Form::Integral, integral_samples: window, ..Settings::default() };
-    let (equations, parameters, free) = (model.equations(), model.parameters().len(), map.free.len());
-    // Every equation weighs as its response does.
-    let mut gram = vec![(DMatrix::<f64>::zeros(free, free), DVector::<f64>::zeros(free), 0.0); equations];
-    regression::visit(model, data, &settings, &mut |rows| {
-        for (equation, (matrix, right, squares)) in rows.equations.iter().zip(&mut gram) {
-            for k in 0..rows.time.len() {
-                let value = |j: usize| equation.columns[j].get(k).copied().unwrap_or(0.0);
-                let row = DVector::from_fn(free, |z, _| (0..parameters).map(|j| value(j) * map.matrix[j * free + z]).sum());
-                let known: f64 = (0..parameters).map(|j| value(j) * map.offset[j]).sum();
-                let response = equation.response.get(k).copied().unwrap_or(0.0);
-                *squares += response * response;
-                right.axpy(response - known, &row, 1.0);
-                matrix.ger(1.0, &row, &row, 1.0);
-            }
-        }
-    })?;
-    let (mut matrix, mut right) = (DMatrix::zeros(free, free), DVector::zeros(free));
-    for (m, r, squares) in gram.iter().filter(|g| g.2 > 0.0) {
-        matrix += m / *squares;
-        right += r / *squares;
-    }
-    Ok(scaled_solve(&matrix, &right).as_slice().to_vec())
-}
-
-/// A quick free-run fit without delays: [`regression_start`], made simulable, then Gauss-Newton. The free run, the point and the
-/// noise of each output.
-///
-/// # Errors
-/// [`SolveError`] if no start can be simulated.
-pub(crate) fn quick_fit<'a>(
-    model: &'a dyn RegressorModel,
-    map: &'a ParameterMap,
-    data: &'a Dataset,
-    axes: Vec<Option<usize>>,
-) -> Result<(FreeRun<'a>, Point, Vec<f64>), SolveError> {
-    let z = regression_start(model, map, data)?;
-    let z = simulable(model, map, data, z);
-    let mut run = FreeRun::new(model, map, data, axes);
-    let (point, sigma) = run.fit(run.point(z, Vec::new()))?;
-    Ok((run, point, sigma))
-}
-
-/// Replaces coefficients of accelerations that the data left at zero or below, with which nothing can be simulated, by their
-/// plausible size at a time constant of ten periods.
-fn simulable(model: &dyn RegressorModel, map: &ParameterMap, data: &Dataset, mut z: Vec<f64>) -> Vec<f64> {
-    let theta = map.theta(&z);
-    let runs = |z: &[f64]| {
-        let free_run = FreeRun::new(model, map, data, Vec::new());
-        free_run.simulate(&free_run.point(z.to_vec(), Vec::new())).is_ok()
-    };
-    if runs(&z) {
-        return z;
-    }
-    let mut unusable = theta.clone();
-    unusable.fill(0.0);
-    let sizes = plausible(model, data, &unusable);
-    let free = map.free.len();
-    for (j, parameter) in model.parameters().iter().enumerate() {
-        let term = crate::identifiability::term::Term::of(model, j);
-        if term.accelerations.is_empty() || theta[j] > 0.01 * sizes[j] || parameter.bounds.0 < 0.0 {
-            continue;
-        }
-        if let Some(i) = (0..free).find(|i| map.matrix[j * free + i] != 0.0) {
-            z[i] += (sizes[j] - theta[j]) / map.matrix[j * free + i];
-        }
-    }
-    z
-}
-
-/// The free run about given parameters, with the starts fitted: what [`quick_fit`] returns when the parameters are known.
-///
-/// # Errors
-/// [`SolveError`] if the model cannot be simulated with them.
-pub(crate) fn about<'a>(
-    model: &'a dyn RegressorModel,
-    map: &'a ParameterMap,
-    theta: &[f64],
-    data: &'a Dataset,
-) -> Result<(FreeRun<'a>, Point, Vec<f64>), SolveError> {
-    let z = free_values(map, theta);
-    let mut run = FreeRun::new(model, map, data, Vec::new());
-    run.fix_step(&z)?;
-    let mut point = run.point(z, Vec::new());
-    let sigma = run.noise(&point)?;
-    let local = run.linearise(&point, &sigma)?;
-    for (start, block) in point.starts.iter_mut().zip(&local.blocks) {
-        start.iter_mut().zip(scaled_solve(&block.starts, &block.error).iter()).for_each(|(x, d)| *x += d);
-    }
-    let sigma = run.noise(&point)?;
-    Ok((run, point, sigma))
-}
-
-/// The free values z whose θ = T z + c is nearest to the one given.
-fn free_values(map: &ParameterMap, theta: &[f64]) -> Vec<f64> {
-    let transform = DMatrix::from_row_slice(theta.len(), map.free.len(), &map.matrix);
-    let right = DVector::from_fn(theta.len(), |i, _| theta[i] - map.offset[i]);
-    scaled_solve(&transform, &right).as_slice().to_vec()
+/// Rows of the stretch that a sample typically lies in: a mean in which a few short stragglers count for little.
+pub(crate) fn typical_rows(data: &Dataset) -> usize {
+    let squares: usize = data.stretches.iter().map(|s| s.len() * s.len()).sum();
+    squares / data.samples().max(1)
 }
