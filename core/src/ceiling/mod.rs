@@ -199,15 +199,19 @@ fn ceiling(parts: &[Part<'_>; 2], output: usize, narx: Option<f64>, base: Option
     let percent = |variance: f64| (spread > 0.0).then(|| 100.0 * (1.0 - (variance * held.len() as f64 / spread).sqrt()));
     let flexible = fit_percent(&held);
     let reached = [flexible, narx, base].into_iter().flatten().fold(f64::NEG_INFINITY, f64::max);
-    // What any model leaves bounds the noise, should the flexible one not carry over to the held-out data.
-    let fitted = left(train) + fit.disturbance(train, samples[0]);
-    let bound = samples[1] as f64 / held.len() as f64 * spread * (1.0 - 0.01 * reached).powi(2);
-    let other = (left(held_out) - fit.disturbance(held_out, samples[0])).max(0.0).min(bound);
+    let taken = fit.disturbance(train, samples[0]);
+    let fitted = left(train);
     let independent = |n: usize| fit.ar.effective_samples_of_variance(n);
-    let (pooled, own) = ((fitted + other) / (samples[0] + samples[1]) as f64, other / samples[1] as f64);
     let relative = (2.0 / independent(samples[0] + samples[1]) + 2.0 / independent(samples[1])).sqrt();
-    // Held-out data that are quieter than chance allows have a noise of their own.
-    let variance = if own < pooled * (1.0 - 1.96 * relative) { own } else { pooled };
+    let level = Level {
+        samples,
+        fitted: fitted + taken.min(fitted),
+        left: left(held_out),
+        added: fit.disturbance(held_out, samples[0]),
+        bound: samples[1] as f64 / held.len() as f64 * spread * (1.0 - 0.01 * reached).powi(2),
+        relative,
+    };
+    let variance = level.variance();
     let expected = percent(variance).map(|c| c.max(reached));
     let highest = percent(variance * (1.0 - 1.96 * relative).max(0.0)).map(|c| c.max(reached));
     let mut found = OutputCeiling {
@@ -223,6 +227,37 @@ fn ceiling(parts: &[Part<'_>; 2], output: usize, narx: Option<f64>, base: Option
     };
     found.statement = statement(&found);
     found
+}
+
+/// What the flexible model left, from which the noise level follows. Squared errors are summed over samples.
+#[derive(Debug, Clone, Copy)]
+struct Level {
+    /// Training samples, held-out samples.
+    samples: [usize; 2],
+    /// Left of the training data, with what the fit took of their noise put back.
+    fitted: f64,
+    /// Left of the held-out data.
+    left: f64,
+    /// Of it, what errors of the flexible model are expected to add.
+    added: f64,
+    /// What the best model left of the held-out data: no noise is larger.
+    bound: f64,
+    /// Standard error of the noise variance, as a share of it.
+    relative: f64,
+}
+
+impl Level {
+    fn variance(&self) -> f64 {
+        let [n, held] = self.samples.map(|n| n as f64);
+        // Where its own errors make up much of what it leaves, the flexible model does not carry over, and the training data speak.
+        if self.added > 0.5 * self.left {
+            return (self.fitted / n).min(self.bound / held);
+        }
+        let other = (self.left - self.added).min(self.bound);
+        let (pooled, own) = ((self.fitted + other) / (n + held), other / held);
+        // Held-out data that are quieter than chance allows have a noise of their own.
+        if own < pooled * (1.0 - 1.96 * self.relative) { own } else { pooled }
+    }
 }
 
 fn statement(found: &OutputCeiling) -> String {

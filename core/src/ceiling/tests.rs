@@ -166,3 +166,15 @@ fn many_short_stretches_give_the_same_ceiling() {
         assert!((found[i].fit.unwrap() - truth).abs() < 1.0, "{truth} {:?}", found[i]);
     }
 }
+
+#[test]
+fn a_flexible_model_that_does_not_carry_over_leaves_the_word_to_the_training_data() {
+    let level = Level { samples: [700, 300], fitted: 700.0, left: 330.0, added: 30.0, bound: 400.0, relative: 0.05 };
+    assert_eq!(level.variance(), 1.0);
+    // Its errors explain all it leaves, and more: that is no noise of zero.
+    assert_eq!(Level { left: 3000.0, added: 9000.0, ..level }.variance(), 1.0);
+    assert_eq!(Level { left: 3000.0, added: 9000.0, bound: 150.0, ..level }.variance(), 0.5);
+    // Held-out data that are twice as quiet are so by themselves; five per cent are chance.
+    assert_eq!(Level { left: 180.0, ..level }.variance(), 0.5);
+    assert_eq!(Level { left: 315.0, ..level }.variance(), 0.985);
+}
