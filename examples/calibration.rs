@@ -217,13 +217,15 @@ fn encoders(states: &[[f64; 4]], time: &[f64], random: &mut StdRng) -> Vec<Vec<f
 struct Trial {
     theta: Theta,
     covered: Option<[bool; 6]>,
+    /// It warned, although the model is right: `output-error` does if it takes the noise for a fault of the model.
+    warned: bool,
 }
 
 fn trial(solver: &dyn Solver, model: &dyn RegressorModel, recording: Stretch, truth: &Theta) -> Option<Trial> {
     let data = Dataset { inputs: model.inputs().to_vec(), outputs: model.outputs().to_vec(), stretches: vec![recording] };
     let solution = solver.solve(&Problem::new(model, &data)).ok()?;
     let covered = solution.ci95.map(|ci| std::array::from_fn(|i| (ci[i].0..=ci[i].1).contains(&truth[i])));
-    Some(Trial { theta: std::array::from_fn(|i| solution.theta[i]), covered })
+    Some(Trial { theta: std::array::from_fn(|i| solution.theta[i]), covered, warned: !solution.warnings.is_empty() })
 }
 
 fn row(numbers: [f64; 6], decimals: usize) -> String {
@@ -235,7 +237,8 @@ fn report(name: &str, trials: &[Option<Trial>], truth: &Theta, bounds: &Theta) {
     let mean = |f: &dyn Fn(&Trial) -> f64| solved.iter().map(|t| f(t)).sum::<f64>() / solved.len() as f64;
     let ratio = std::array::from_fn(|i| mean(&|t| (t.theta[i] - truth[i]).powi(2)).sqrt() / bounds[i]);
     let bias = std::array::from_fn(|i| mean(&|t| t.theta[i] - truth[i]) / bounds[i]);
-    println!("{name:<22} RMSE / bound {}   ({} of {} solved)", row(ratio, 2), solved.len(), trials.len());
+    let warned = solved.iter().filter(|t| t.warned).count();
+    println!("{name:<22} RMSE / bound {}   ({} of {} solved, {warned} warned)", row(ratio, 2), solved.len(), trials.len());
     if solved.iter().all(|t| t.covered.is_some()) {
         let share = |i: usize| 100.0 * mean(&|t| t.covered.map_or(0.0, |c| f64::from(u8::from(c[i]))));
         println!("{:<22} coverage [%] {}", "", row(std::array::from_fn(share), 1));

@@ -18,6 +18,8 @@ use super::noise::{Channels, Noise};
 use super::start::Integrals;
 use crate::least_squares::{Factor, Residuals};
 
+/// Most steps between two samples: where friction makes a kink, shorter ones cost much and gain little against noise.
+const FINEST: f64 = 32.0;
 /// Distance from a bound in difference steps below which a parameter sits at it, but for rounding.
 const AT_BOUND: f64 = 1e-3;
 
@@ -62,6 +64,7 @@ impl<'a> FreeRun<'a> {
         for stretch in &self.problem.data.stretches {
             shortest = shortest.min(self.simulator.chosen_step(stretch)?);
         }
+        let shortest = shortest.max(self.problem.data.period() / FINEST);
         let shorter = self.simulator.max_step().is_none_or(|step| shortest < step);
         if shorter {
             self.simulator.set_max_step(shortest);
