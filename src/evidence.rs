@@ -10,6 +10,9 @@ use wheelwright_core::identification::Identification;
 use wheelwright_core::lag::{self, AxisLag, Lag};
 use wheelwright_core::solver::{Problem, SolveError, Solver};
 
+/// More samples than this make no verdict surer, only later: of longer data the evidence sees this many, from every stretch its share.
+const MOST: usize = 30_000;
+
 /// Evidence beside the parameters. A part that the data do not allow is `None`, and says why in [`missing`](Self::missing).
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Evidence {
@@ -36,11 +39,12 @@ impl Evidence {
     ) -> Self {
         let mut evidence = Self::default();
         let (model, theta) = (problem.model, found.solution.theta.as_slice());
-        let judged = identifiability::assess(model, &problem.map, Some(theta), problem.data);
+        let (data, held_out) = (problem.data.shortened(MOST), held_out.shortened(MOST));
+        let judged = identifiability::assess(model, &problem.map, Some(theta), &data);
         evidence.identifiability = evidence.keep("identifiability", judged);
-        let late = lag::estimate(model, &problem.map, problem.data);
+        let late = lag::estimate(model, &problem.map, &data);
         evidence.lag = evidence.keep("lag", late);
-        let highest = ceiling::estimate(model, theta, problem.data, held_out);
+        let highest = ceiling::estimate(model, theta, &data, &held_out);
         evidence.ceiling = evidence.keep("noise ceiling", highest);
         if recordings.len() > 1 {
             let (runs, unfitted) = agreement::fit_each(model, &problem.map, &problem.bounds, problem.seed, solver, recordings);

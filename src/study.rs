@@ -35,6 +35,8 @@ pub struct Study {
     pub read: ReadOptions,
     /// Share of the samples held out of the recordings fitted.
     pub holdout: f64,
+    /// Whether evidence is gathered around the identification.
+    pub evidence: bool,
     /// Seed of whatever is random.
     pub seed: u64,
 }
@@ -87,7 +89,7 @@ impl Study {
         let problem = Problem { model: &*self.model, data: &train, map, bounds, seed: self.seed };
         let identification = identify(&problem, &*self.solver, &held_out);
         let gather = |found: &Identification| Evidence::gather(&problem, &*self.solver, found, &held_out, &each);
-        let evidence = identification.as_ref().map(gather).unwrap_or_default();
+        let evidence = identification.as_ref().ok().filter(|_| self.evidence).map(gather).unwrap_or_default();
         let recordings: Vec<_> = sources.iter().map(|s| s.facts.clone()).collect();
         let used = |s: &Source| RecordingFacts { used_for: "validation".to_owned(), ..s.facts.clone() };
         let validation_recordings: Vec<_> = validation.iter().map(used).collect();

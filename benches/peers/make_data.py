@@ -44,10 +44,27 @@ def write_csv(path, rows, rng):
     return table
 
 
-TWIST = b"""geometry_msgs/Vector3 linear
-geometry_msgs/Vector3 angular
-"""
-ODOMETRY = b"std_msgs/Header header\nstring child_frame_id\n"
+def definition(*parts):
+    """A ROS 2 definition: the message's own fields, then those of every message it holds."""
+    first, *rest = parts
+    return ("\n" + "=" * 80 + "\n").join([first] + [f"MSG: {name}\n{fields}" for name, fields in rest]).encode()
+
+
+VECTOR = ("geometry_msgs/Vector3", "float64 x\nfloat64 y\nfloat64 z")
+TWIST_FIELDS = "geometry_msgs/Vector3 linear\ngeometry_msgs/Vector3 angular"
+TWIST = definition(TWIST_FIELDS, VECTOR)
+ODOMETRY = definition(
+    "std_msgs/Header header\nstring child_frame_id\ngeometry_msgs/PoseWithCovariance pose\ngeometry_msgs/TwistWithCovariance twist",
+    ("std_msgs/Header", "builtin_interfaces/Time stamp\nstring frame_id"),
+    ("builtin_interfaces/Time", "int32 sec\nuint32 nanosec"),
+    ("geometry_msgs/PoseWithCovariance", "geometry_msgs/Pose pose\nfloat64[36] covariance"),
+    ("geometry_msgs/Pose", "geometry_msgs/Point position\ngeometry_msgs/Quaternion orientation"),
+    ("geometry_msgs/Point", "float64 x\nfloat64 y\nfloat64 z"),
+    ("geometry_msgs/Quaternion", "float64 x\nfloat64 y\nfloat64 z\nfloat64 w"),
+    ("geometry_msgs/TwistWithCovariance", "geometry_msgs/Twist twist\nfloat64[36] covariance"),
+    ("geometry_msgs/Twist", TWIST_FIELDS),
+    VECTOR,
+)
 
 
 def write_mcap(path, table, messages):

@@ -96,6 +96,14 @@ impl Dataset {
         self.stretches.extend(other.stretches);
     }
 
+    /// Every stretch cut at its end in the same proportion, so that about `most` samples are left; unchanged if it has no more.
+    #[must_use]
+    pub fn shortened(&self, most: usize) -> Self {
+        let share = (most as f64 / self.samples().max(1) as f64).min(1.0);
+        let cut = |s: &Stretch| s.slice(0..((share * s.len() as f64) as usize).clamp(2, s.len()));
+        Self { stretches: self.stretches.iter().map(cut).collect(), ..self.clone() }
+    }
+
     /// Splits off a share of the samples that no estimate is to see: (kept, held out).
     ///
     /// With eight stretches or more, whole stretches spread evenly over the recording are held out, so that both parts

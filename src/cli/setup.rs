@@ -52,6 +52,9 @@ pub(super) struct StudyArguments {
     /// Recording to validate on that no estimate sees (may be repeated)
     #[arg(long, value_name = "RECORDING")]
     pub(super) validate: Vec<PathBuf>,
+    /// Parameters and fits only: no identifiability, lag, noise ceiling or comparison of recordings
+    #[arg(long)]
+    pub(super) quick: bool,
     /// Fail with status 4 unless the result reaches a number, as in fit.validate.v=95 (may be repeated)
     #[arg(long, value_name = "KEY=NUMBER")]
     pub(super) require: Vec<String>,
@@ -128,7 +131,8 @@ impl Setup {
             ));
         }
         let model_about = self.registry.list("models").into_iter().find(|m| m.name == model.name()).map(|m| m.about).unwrap_or_default();
-        Ok(Study { model_table, model, model_about, freedom, solver, robot, read, holdout, seed: self.seed(shared) })
+        let evidence = !arguments.quick;
+        Ok(Study { evidence, model_table, model, model_about, freedom, solver, robot, read, holdout, seed: self.seed(shared) })
     }
 
     /// Recordings that only validate: the options', or else the configuration's.

@@ -56,7 +56,7 @@ pub struct OutputCeiling {
 /// # Errors
 /// [`SolveError::TooFewSamples`] below 100 training samples.
 pub fn estimate(model: &dyn RegressorModel, theta: &[f64], train: &Dataset, held_out: &Dataset) -> Result<Vec<OutputCeiling>, SolveError> {
-    let fitted = shortened(train);
+    let fitted = train.shortened(MOST);
     if fitted.samples() < FEWEST {
         let (samples, parameters) = (fitted.samples(), model.parameters().len());
         let what = "holding out".to_owned();
@@ -148,13 +148,6 @@ fn with_own_reference<'a>(library: &Library, train: &'a Dataset, held_out: &'a D
             (0..part.data.stretches.len()).map(|s| by_output.iter().map(|runs| runs[s].clone()).collect()).collect();
         Part::new(library, part.data, Some(&reference))
     })
-}
-
-/// Stretches cut in proportion, at most [`MOST`] samples in all.
-fn shortened(data: &Dataset) -> Dataset {
-    let share = (MOST as f64 / data.samples().max(1) as f64).min(1.0);
-    let cut = |s: &Stretch| s.slice(0..((share * s.len() as f64) as usize).clamp(2, s.len()));
-    Dataset { stretches: data.stretches.iter().map(cut).collect(), ..data.clone() }
 }
 
 /// The flexible model of one output.
