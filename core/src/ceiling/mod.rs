@@ -15,7 +15,7 @@ mod tests;
 use nalgebra::DMatrix;
 use serde::Serialize;
 
-use crate::dataset::{Dataset, Stretch};
+use crate::dataset::Dataset;
 use crate::model::RegressorModel;
 use crate::noise::Autoregression;
 use crate::simulation::Simulator;
