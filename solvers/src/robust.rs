@@ -17,7 +17,7 @@ use wheelwright_core::solver::{Problem, Solution, SolveError, Solver, Status};
 
 use crate::OutputError;
 use crate::Velocity;
-use crate::least_squares::Limits;
+use crate::least_squares::{Factor, Limits, constrained_step};
 use crate::output_error::{Channels, Fit, FreeRun, Noise, NoiseModel};
 
 /// Errors beyond this many σ pull no harder.
@@ -168,7 +168,15 @@ fn huber_step(blocks: &[DMatrix<f64>], z: &DVector<f64>, limits: &Limits) -> Res
     let mut solver = DefaultSolver::new(&quadratic, &linear, &matrix, &right, &cones, settings).map_err(|e| failed(e.to_string()))?;
     solver.solve();
     match solver.solution.status {
-        SolverStatus::Solved | SolverStatus::AlmostSolved => Ok(DVector::from_fn(equalities, |j, _| -solver.solution.z[j] / lengths[j])),
+        // As far as rounding lets it come is near enough: a step is taken only where it lowers the loss.
+        SolverStatus::Solved | SolverStatus::AlmostSolved | SolverStatus::InsufficientProgress => {
+            let mut step = DVector::from_fn(equalities, |j, _| -solver.solution.z[j] / lengths[j]);
+            // Bounds hold to the tolerance of the regression only, which is large where errors of outputs differ by orders.
+            let lengths = DVector::from_column_slice(&lengths[..free]);
+            let nearest = Factor { q: -lengths.component_mul(&step.rows(0, free)), r: DMatrix::from_diagonal(&lengths), rest: 0.0 };
+            step.rows_mut(0, free).copy_from(&constrained_step(&nearest, None, z, limits)?);
+            Ok(step)
+        }
         status => Err(failed(format!("the Huber regression ended with `{status:?}`"))),
     }
 }
