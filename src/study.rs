@@ -9,6 +9,7 @@ use wheelwright_core::model::{ModelConfig, RegressorModel};
 use wheelwright_core::profile::RobotProfile;
 use wheelwright_core::recording::{ReadOptions, RecordingError};
 use wheelwright_core::solver::{Problem, Solver};
+use wheelwright_solvers::Ols;
 
 use crate::constraints::Freedom;
 use crate::error::Error;
@@ -87,7 +88,10 @@ impl Study {
         }
         let Freedom { map, bounds } = self.freedom.clone();
         let problem = Problem { model: &*self.model, data: &train, map, bounds, seed: self.seed };
-        let identification = identify(&problem, &*self.solver, &held_out);
+        let mut identification = identify(&problem, &*self.solver, &held_out);
+        if let Ok(found) = &mut identification {
+            lend_regression(found, &problem);
+        }
         let gather = |found: &Identification| Evidence::gather(&problem, &*self.solver, found, &held_out, &each);
         let evidence = identification.as_ref().ok().filter(|_| self.evidence).map(gather).unwrap_or_default();
         let recordings: Vec<_> = sources.iter().map(|s| s.facts.clone()).collect();
@@ -135,6 +139,20 @@ impl Study {
             ),
             None => Error::content(path, error),
         }
+    }
+}
+
+/// A solver that fits free runs has no regression of its own; the report draws that of `ols`, under the parameters found.
+fn lend_regression(found: &mut Identification, problem: &Problem<'_>) {
+    if found.solution.regression.is_some() {
+        return;
+    }
+    if let Ok(regressed) = Ols::default().solve(problem) {
+        found.solution.regression = regressed.regression;
+        found
+            .solution
+            .steps
+            .push("for the regression plots only, rows were made as by ols; the parameters do not come from them".to_owned());
     }
 }
 

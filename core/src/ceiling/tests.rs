@@ -1,6 +1,7 @@
 //! Robots whose noise is known, with and without physics that the base model lacks.
 
 use super::*;
+use crate::dataset::Stretch;
 use crate::identifiability::tests::{THETA, TwoAxes};
 use crate::identification::identify;
 use crate::noise::tests::Normal;
