@@ -3,7 +3,6 @@
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-use tempfile::NamedTempFile;
 use wheelwright_core::dataset::Dataset;
 use wheelwright_core::validation::Validation;
 
@@ -35,28 +34,15 @@ impl Folder {
     pub fn write(&self, name: &str, content: &str) -> Result<PathBuf, Error> {
         let path = self.path(name);
         let attempt = || -> std::io::Result<()> {
-            let mut file = NamedTempFile::new_in(&self.0)?;
+            let mut file = wheelwright_recordings::file_beside(&path)?;
             file.write_all(content.as_bytes())?;
             file.as_file().sync_all()?;
-            make_readable(&file)?;
             file.persist(&path)?;
             Ok(())
         };
         attempt().map_err(|error| Error::Io { path: path.clone(), error })?;
         Ok(path)
     }
-}
-
-/// Temporary files are private; results are as readable as any file of the user's.
-#[cfg(unix)]
-fn make_readable(file: &NamedTempFile) -> std::io::Result<()> {
-    use std::os::unix::fs::PermissionsExt;
-    file.as_file().set_permissions(std::fs::Permissions::from_mode(0o644))
-}
-
-#[cfg(not(unix))]
-fn make_readable(_: &NamedTempFile) -> std::io::Result<()> {
-    Ok(())
 }
 
 /// The re-simulated series: a row a sample with its part (`train`, `validate`), segment, inputs, measured outputs and, with

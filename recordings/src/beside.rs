@@ -7,7 +7,10 @@ use tempfile::{Builder, NamedTempFile};
 
 /// A new file in the folder of `path`, to be renamed to it once it is complete. It gets the permissions that any new file
 /// would, not those of a private temporary one.
-pub(crate) fn file_beside(path: &Path) -> io::Result<NamedTempFile> {
+///
+/// # Errors
+/// What the operating system says of the folder.
+pub fn file_beside(path: &Path) -> io::Result<NamedTempFile> {
     let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
     let mut builder = Builder::new();
     #[cfg(unix)]

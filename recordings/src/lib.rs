@@ -26,6 +26,7 @@ use std::path::Path;
 
 use wheelwright_core::recording::{ReadError, ReadOptions, Recording, RecordingReader};
 
+pub use beside::file_beside;
 pub use csv::write_csv;
 pub use ros::{WriteError, write_mcap};
 

@@ -8,7 +8,7 @@ use std::io::{self, BufReader, Read};
 
 use wheelwright_core::recording::ReadError;
 
-use super::collect::{Collector, LONGEST_MESSAGE, malformed};
+use super::collect::{Collector, malformed};
 use super::stream::{Counted, Fields, array, fill, skip};
 
 /// The first line of every bag of this version.
@@ -182,23 +182,8 @@ impl Bag<'_> {
         let Some(&topic) = self.connections.get(&number) else {
             return Ok(Step::Damaged(format!("a message of connection {number}, which was not declared")));
         };
-        let wanted = self.collector.wants(topic);
-        if wanted && length <= LONGEST_MESSAGE {
-            if !fill(reader, &mut self.buffer, length)? {
-                return Ok(Step::Cut);
-            }
-            self.collector.message(topic, time, &self.buffer);
-            return Ok(Step::Record);
-        }
-        if !skip(reader, length)? {
-            return Ok(Step::Cut);
-        }
-        if wanted {
-            self.collector.too_long(topic, length);
-        } else {
-            self.collector.pass(topic);
-        }
-        Ok(Step::Record)
+        let whole = self.collector.read_message(reader, topic, time, length, &mut self.buffer)?;
+        Ok(if whole { Step::Record } else { Step::Cut })
     }
 
     fn chunk<R: Read>(&mut self, reader: &mut R, compression: &str, length: u64) -> Result<Step, ReadError> {

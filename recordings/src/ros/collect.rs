@@ -3,11 +3,12 @@
 //! A container only has to say which topics there are and to pass each message's log time and bytes. Messages of types
 //! that are not read are counted and never held, so memory grows with the drive data alone, not with images or scans.
 
-use std::io::Read;
+use std::io::{self, Read};
 
 use wheelwright_core::recording::{ReadError, ReadOptions, Stream};
 
 use super::message::{Kind, Motion};
+use super::stream::{fill, skip};
 use super::wire::{Encoding, WireError};
 
 /// No message of the types that are read comes near this many bytes; longer ones are not loaded.
@@ -115,6 +116,35 @@ impl Collector {
         self.pass(topic);
         let topic = &mut self.topics[topic];
         topic.fault.get_or_insert((topic.count, WireError::Huge(length)));
+    }
+
+    /// Takes the next `length` bytes of a container as a message, or passes over one that is not wanted or too long; false if
+    /// the data end before. `buffer` is room to work in.
+    pub(crate) fn read_message(
+        &mut self,
+        reader: &mut impl Read,
+        topic: usize,
+        log: u64,
+        length: u64,
+        buffer: &mut Vec<u8>,
+    ) -> io::Result<bool> {
+        let wanted = self.wants(topic);
+        if wanted && length <= LONGEST_MESSAGE {
+            let whole = fill(reader, buffer, length)?;
+            if whole {
+                self.message(topic, log, buffer);
+            }
+            return Ok(whole);
+        }
+        if !skip(reader, length)? {
+            return Ok(false);
+        }
+        if wanted {
+            self.too_long(topic, length);
+        } else {
+            self.pass(topic);
+        }
+        Ok(true)
     }
 
     /// Takes a message. One that does not decode is an error only if its topic is chosen in the end.

@@ -10,7 +10,7 @@ use std::io::{self, BufReader, Read};
 
 use wheelwright_core::recording::ReadError;
 
-use super::collect::{Collector, LONGEST_MESSAGE, malformed};
+use super::collect::{Collector, malformed};
 use super::stream::{Counted, Fields, array, fill, skip};
 
 /// How every MCAP file begins; the zero is the version.
@@ -161,23 +161,8 @@ impl Records<'_> {
         let Some(&topic) = self.channels.get(&channel) else {
             return Ok(Step::Damaged(format!("a message of channel {channel}, which was not declared")));
         };
-        let wanted = self.collector.wants(topic);
-        if wanted && data <= LONGEST_MESSAGE {
-            if !fill(reader, &mut self.buffer, data)? {
-                return Ok(Step::Cut);
-            }
-            self.collector.message(topic, log, &self.buffer);
-            return Ok(Step::Record);
-        }
-        if !skip(reader, data)? {
-            return Ok(Step::Cut);
-        }
-        if wanted {
-            self.collector.too_long(topic, data);
-        } else {
-            self.collector.pass(topic);
-        }
-        Ok(Step::Record)
+        let whole = self.collector.read_message(reader, topic, log, data, &mut self.buffer)?;
+        Ok(if whole { Step::Record } else { Step::Cut })
     }
 
     fn chunk<R: Read>(&mut self, reader: &mut R, length: u64) -> Result<Step, ReadError> {
