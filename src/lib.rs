@@ -19,6 +19,7 @@ pub mod toml_file;
 
 pub use error::Error;
 pub use wheelwright_core as core;
+pub use wheelwright_diagnosis as diagnosis;
 pub use wheelwright_models as models;
 pub use wheelwright_recordings as recordings;
 pub use wheelwright_robots as robots;

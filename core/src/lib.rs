@@ -16,6 +16,7 @@ pub mod config;
 pub mod conformance;
 pub mod dataset;
 pub mod drive;
+pub mod effect;
 pub mod excitation;
 pub mod identifiability;
 pub mod identification;
@@ -34,6 +35,7 @@ pub mod validation;
 
 pub use channel::Channel;
 pub use dataset::{Dataset, Stretch};
+pub use effect::Effect;
 pub use model::{ModelConfig, Parameter, ParameterMap, RegressorModel, Sample};
 pub use profile::RobotProfile;
 pub use recording::{ReadOptions, Recording, RecordingReader};

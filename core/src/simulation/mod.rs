@@ -11,7 +11,7 @@ mod weights;
 use crate::dataset::Stretch;
 use crate::model::{ModelError, RegressorModel};
 pub use sensitivity::{DIFFERENCE, Direction, Sensitivities};
-use weights::Weights;
+pub(crate) use weights::Weights;
 
 /// Error of the simulation relative to the largest output, which the choice of the step aims at.
 const TOLERANCE: f64 = 1e-9;
@@ -129,27 +129,8 @@ impl<'a> Simulator<'a> {
         self.linearise()
     }
 
-    /// L: how the accelerations change with the outputs about rest, by central differences over one unit. Exact for
-    /// equations up to second degree; any other value would cost accuracy, never consistency.
     fn linearise(&mut self) -> Result<(), ModelError> {
-        let Self { model, theta, linear, stages: s, input, .. } = self;
-        let n = s.state.len();
-        input.fill(0.0);
-        s.c.fill(0.0);
-        for j in 0..n {
-            s.c[j] = 1.0;
-            model.accelerations(theta, input, &s.c, &mut s.a)?;
-            s.c[j] = -1.0;
-            model.accelerations(theta, input, &s.c, &mut s.b)?;
-            s.c[j] = 0.0;
-            for i in 0..n {
-                linear[i * n + j] = 0.5 * (s.a[i] - s.b[i]);
-            }
-        }
-        if linear.iter().any(|l| !l.is_finite()) {
-            return Err(ModelError::Singular { model: model.name().to_owned() });
-        }
-        self.diagonal = (0..n * n).all(|k| k / n == k % n || self.linear[k] == 0.0);
+        self.diagonal = linear_part(self.model, &self.theta, &mut self.linear)?;
         Ok(())
     }
 
@@ -335,6 +316,36 @@ impl Windows {
         let largest = stretch.outputs.iter().flatten().fold(0.0_f64, |m, x| m.max(x.abs()));
         Self { starts, rows, longest: if longest > 0.0 { longest } else { 1.0 }, scale: if largest > 0.0 { largest } else { 1.0 } }
     }
+}
+
+/// L (row-major): how a model's accelerations change with its outputs about rest, by central differences over one unit. Exact for
+/// equations up to second degree; any other value would cost accuracy, never consistency. True if L is diagonal.
+pub(crate) fn linear_part(model: &dyn RegressorModel, theta: &[f64], linear: &mut [f64]) -> Result<bool, ModelError> {
+    let n = model.outputs().len();
+    let needed = model.inputs().len() + 3 * n;
+    let (mut stack, mut heap) = ([0.0; 32], Vec::new());
+    let buffer = match stack.get_mut(..needed) {
+        Some(buffer) => buffer,
+        None => {
+            heap.resize(needed, 0.0);
+            heap.as_mut_slice()
+        }
+    };
+    let (input, buffer) = buffer.split_at_mut(model.inputs().len());
+    let (x, buffer) = buffer.split_at_mut(n);
+    let (up, down) = buffer.split_at_mut(n);
+    for j in 0..n {
+        x[j] = 1.0;
+        model.accelerations(theta, input, x, up)?;
+        x[j] = -1.0;
+        model.accelerations(theta, input, x, down)?;
+        x[j] = 0.0;
+        (0..n).for_each(|i| linear[i * n + j] = 0.5 * (up[i] - down[i]));
+    }
+    if linear.iter().any(|l| !l.is_finite()) {
+        return Err(ModelError::Singular { model: model.name().to_owned() });
+    }
+    Ok((0..n * n).all(|k| k / n == k % n || linear[k] == 0.0))
 }
 
 fn diagonal_row(weight: &[f64], i: usize, x: &[f64]) -> f64 {

@@ -8,28 +8,28 @@ use nalgebra::{DMatrix, SMatrix};
 
 /// Weights of one step length, one entry an output where the linear part is diagonal, else a row-major square matrix.
 #[derive(Debug)]
-pub(super) struct Weights {
-    pub(super) step: f64,
+pub(crate) struct Weights {
+    pub(crate) step: f64,
     /// e^{hL}, on the state.
-    pub(super) full: Vec<f64>,
+    pub(crate) full: Vec<f64>,
     /// e^{hL/2}, on the state at half step.
-    pub(super) half: Vec<f64>,
+    pub(crate) half: Vec<f64>,
     /// (h/2) φ1(hL/2), on the forcing at half step.
-    pub(super) half_forcing: Vec<f64>,
+    pub(crate) half_forcing: Vec<f64>,
     /// h (φ1 − 3φ2 + 4φ3), on the forcing at the start.
-    pub(super) first: Vec<f64>,
+    pub(crate) first: Vec<f64>,
     /// h (2φ2 − 4φ3), on each forcing in the middle.
-    pub(super) middle: Vec<f64>,
+    pub(crate) middle: Vec<f64>,
     /// h (4φ3 − φ2), on the forcing at the end.
-    pub(super) last: Vec<f64>,
+    pub(crate) last: Vec<f64>,
     /// The four above for the integral of the state over the step: one index of φ and one power of h higher.
-    pub(super) integral: [Vec<f64>; 4],
+    pub(crate) integral: [Vec<f64>; 4],
     /// Whether the integral is wanted.
-    pub(super) integrates: bool,
+    pub(crate) integrates: bool,
 }
 
 impl Weights {
-    pub(super) fn new(outputs: usize) -> Self {
+    pub(crate) fn new(outputs: usize) -> Self {
         let square = || vec![0.0; outputs * outputs];
         Self {
             step: f64::NAN,
@@ -45,7 +45,7 @@ impl Weights {
     }
 
     /// Computes the weights of a step length. Allocates nothing for a diagonal linear part or up to four outputs.
-    pub(super) fn set(&mut self, step: f64, linear: &[f64], outputs: usize, diagonal: bool) {
+    pub(crate) fn set(&mut self, step: f64, linear: &[f64], outputs: usize, diagonal: bool) {
         self.step = step;
         if diagonal {
             for i in 0..outputs {

@@ -1,0 +1,231 @@
+//! Effects: physics that a model leaves out, as an object that changes a simulation at one of three places.
+//!
+//! A model with effects is again something that can be simulated, from command to recording:
+//!
+//! command → *command effects* → u → **model** with *loads* taken off u and *drive effects* on what is left to accelerate →
+//! outputs → *sensor effects* → recording
+//!
+//! Every model here is an equation whose right side is its input, so a force that a model leaves out is the part of the
+//! input that it uses up: friction in m/s of command or in volts, whatever the model commands. One law therefore serves
+//! all models. [`Frame`] tells an effect how a model's channels are forward and angular velocity, and left and right wheel.
+
+mod frame;
+mod scene;
+mod simulation;
+
+use std::fmt::Debug;
+
+use serde::Serialize;
+
+pub use frame::Frame;
+pub use scene::{Instant, Scales, Scene, Track};
+pub use simulation::EffectSimulator;
+
+/// Where an effect acts. Effects of one simulation act in this order.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Stage {
+    /// Command: transport in time (delay).
+    Transport,
+    /// Command: limit of its rate of change.
+    Ramp,
+    /// Command: threshold below which nothing arrives.
+    Threshold,
+    /// Command: limit of its size.
+    Limit,
+    /// Command: gains of wheels and of the supply.
+    Gain,
+    /// Command: filters behind the rest.
+    Filter,
+    /// Command: added by an outer loop that compares with the outputs.
+    Loop,
+    /// Dynamics: input used up by a force the model lacks.
+    Load,
+    /// Dynamics: what is left to accelerate, and what it accelerates.
+    Drive,
+    /// Measurement: what is recorded of the outputs.
+    Sensor,
+}
+
+/// The three places of which a person speaks.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Place {
+    /// Between what was sent and what drives.
+    Command,
+    /// In the robot's motion.
+    Dynamics,
+    /// Between what happened and what was recorded.
+    Measurement,
+}
+
+impl Stage {
+    /// The place this stage belongs to.
+    pub fn place(self) -> Place {
+        match self {
+            Self::Load | Self::Drive => Place::Dynamics,
+            Self::Sensor => Place::Measurement,
+            _ => Place::Command,
+        }
+    }
+}
+
+/// One parameter of an effect.
+#[derive(Debug, Clone, PartialEq)]
+pub struct EffectParameter {
+    /// Name, such as `delay`; with a side or an axis, `label` tells which.
+    pub name: String,
+    /// SI unit; `1` for a pure number.
+    pub unit: String,
+    /// Physical bounds: a friction is not negative.
+    pub bounds: (f64, f64),
+    /// Plausible size in this scene: difference steps and starts are measured in it.
+    pub scale: f64,
+    /// The value at which the effect (or this part of it) does nothing; `None` for a shape that has no such value.
+    pub neutral: Option<f64>,
+    /// Side or axis: `("wheel", "left")`, `("axis", "omega")`.
+    pub label: Option<(&'static str, String)>,
+}
+
+impl EffectParameter {
+    /// A parameter without a neutral value or a label.
+    pub fn new(name: &str, unit: &str, bounds: (f64, f64), scale: f64) -> Self {
+        Self { name: name.to_owned(), unit: unit.to_owned(), bounds, scale, neutral: None, label: None }
+    }
+
+    /// The same with the value at which it does nothing.
+    #[must_use]
+    pub fn neutral(mut self, value: f64) -> Self {
+        self.neutral = Some(value);
+        self
+    }
+
+    /// The same with a side or an axis.
+    #[must_use]
+    pub fn of(mut self, kind: &'static str, which: &str) -> Self {
+        self.label = Some((kind, which.to_owned()));
+        self
+    }
+}
+
+/// A point of parameter space from which an effect is tried, and the columns by which it is screened there.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Start {
+    /// Value of each parameter.
+    pub values: Vec<f64>,
+    /// One column of the linearised problem each: the parameters that take their value while those of the other columns
+    /// are neutral. Parameters in no column keep their value throughout.
+    pub columns: Vec<Vec<usize>>,
+    /// Whether the response is proportional to the columns' parameters, so that their amplitude is free; otherwise a
+    /// column is the response of exactly these values and counts as it is.
+    pub linear: bool,
+}
+
+/// An estimated value with its interval, for sentences.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Estimate {
+    /// Value.
+    pub value: f64,
+    /// 95 % interval, if there is an honest one.
+    pub ci95: Option<(f64, f64)>,
+}
+
+/// Another effect that looks alike, and why.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Confusion {
+    /// Name of the other effect, or of a model parameter.
+    pub with: &'static str,
+    /// When and why, in one sentence.
+    pub because: &'static str,
+}
+
+/// What a drive effect sees of the motion.
+#[derive(Debug, Clone, Copy)]
+pub struct Motion<'a> {
+    /// The command behind the command effects.
+    pub u: &'a [f64],
+    /// Outputs.
+    pub outputs: &'a [f64],
+    /// Inputs that one unit of acceleration of each output needs, row-major, inputs × outputs.
+    pub inertia: &'a [f64],
+}
+
+/// Physics that a model leaves out. Plain data with its settings, picked by `type = "NAME"`, as a solver is.
+///
+/// An effect implements the hooks of its [`stage`](Self::stage) and no other. `p` are the values of its parameters in the
+/// order of [`parameters`](Self::parameters), `state` its own numbers, which start at
+/// [`begin`](Self::begin). A hook allocates nothing and returns finite numbers for finite arguments within bounds.
+#[typetag::serde]
+pub trait Effect: Debug + Send + Sync {
+    /// Name under which configurations and results know it (contract, section 5).
+    fn name(&self) -> &str;
+
+    /// One line on what it is, for `wheelwright plugins`.
+    fn about(&self) -> String;
+
+    /// Where it acts.
+    fn stage(&self) -> Stage;
+
+    /// Effects of one family are variants of one cause (frictions; delay and lag): two of them are never put into one
+    /// explanation side by side. By default an effect is a family of its own.
+    fn family(&self) -> &str {
+        self.name()
+    }
+
+    /// Whether it can act on this frame and scene: an effect on wheels needs to know them, a slope needs headings.
+    /// The reason why not, for a person, or `None` if it applies.
+    fn inapplicable(&self, _scene: &Scene) -> Option<String> {
+        None
+    }
+
+    /// Its parameters, scaled to a scene.
+    fn parameters(&self, scene: &Scene) -> Vec<EffectParameter>;
+
+    /// Points from which it is tried, in the order of the search.
+    fn starts(&self, scene: &Scene) -> Vec<Start>;
+
+    /// One plain sentence with magnitudes and units: "the left wheel's motor needs 0.31 V before it moves; the model had none".
+    /// It names an interval where there is one.
+    fn statement(&self, values: &[Estimate], scene: &Scene) -> String;
+
+    /// The motion that shows it: "slow driving in both directions, through standstill".
+    fn excitation(&self) -> &'static str;
+
+    /// What it is confused with, and why.
+    fn confusions(&self) -> &'static [Confusion] {
+        &[]
+    }
+
+    /// Numbers of state it needs.
+    fn states(&self) -> usize {
+        0
+    }
+
+    /// Sets the state at the start of a stretch, from the first command and the initial outputs.
+    fn begin(&self, _p: &[f64], _at: &Instant<'_>, _inputs: &[f64], _outputs: &[f64], state: &mut [f64]) {
+        state.fill(0.0);
+    }
+
+    /// The next time after `time` at which the effect switches by itself, so that no step spans it. Infinite if never.
+    fn next_switch(&self, _p: &[f64], _at: &Instant<'_>) -> f64 {
+        f64::INFINITY
+    }
+
+    /// Command effects: lets `at.span` seconds pass up to `at.time` and changes `u` from what arrived to what goes on. `u` is
+    /// the arriving command at `at.time`, `outputs` the outputs then. A span of zero follows each switch of the command.
+    fn command(&self, _p: &[f64], _at: &Instant<'_>, _outputs: &[f64], _state: &mut [f64], _u: &mut [f64]) {}
+
+    /// Loads: adds the input that is used up at this instant to `load`, in the model's input channels.
+    fn load(&self, _p: &[f64], _at: &Instant<'_>, _outputs: &[f64], _state: &[f64], _load: &mut [f64]) {}
+
+    /// Drive effects: changes `drive`, the input that is left for acceleration: inertia × acceleration in the model's
+    /// input channels.
+    fn drive(&self, _p: &[f64], _at: &Instant<'_>, _motion: &Motion<'_>, _state: &[f64], _drive: &mut [f64]) {}
+
+    /// Loads and drive effects with state: lets `at.span` seconds pass up to `at.time`, at `outputs` and `drive`.
+    fn advance(&self, _p: &[f64], _at: &Instant<'_>, _outputs: &[f64], _drive: &[f64], _state: &mut [f64]) {}
+
+    /// Sensor effects: changes the outputs that are recorded at a sample. `past(t, out)` writes the true outputs at an
+    /// earlier time of the stretch.
+    fn measure(&self, _p: &[f64], _at: &Instant<'_>, _past: &dyn Fn(f64, &mut [f64]), _outputs: &mut [f64]) {}
+}

@@ -1,0 +1,175 @@
+//! What an effect may know of a recording: its scales, where a robot was heading, how far its wheels had come.
+
+use crate::dataset::{Dataset, Stretch};
+use crate::model::RegressorModel;
+
+use super::Frame;
+
+/// Typical sizes in the recording that is diagnosed: search ranges and the width of a friction's kink are shares of them.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Scales {
+    /// Root mean square of each input.
+    pub inputs: Vec<f64>,
+    /// Largest magnitude of each input.
+    pub largest: Vec<f64>,
+    /// Root mean square of each output.
+    pub outputs: Vec<f64>,
+    /// Root mean square of the wheels' ground speeds, left and right together \[m/s\]; of all outputs without wheels.
+    pub speed: f64,
+    /// First and last time of the recording \[s\].
+    pub time: (f64, f64),
+    /// Median step between samples \[s\].
+    pub period: f64,
+}
+
+/// The measured course of one stretch, for effects that act by place. From the record, not from the simulation: errors of
+/// phase would otherwise grow with time.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Track {
+    /// Heading at each sample \[rad\].
+    pub heading: Vec<f64>,
+    /// Distance that each wheel had rolled at each sample \[m\]: left, right.
+    pub distance: [Vec<f64>; 2],
+}
+
+/// A data set as effects see it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Scene {
+    /// How channels are motion.
+    pub frame: Frame,
+    /// Radius of the wheels \[m\], if known.
+    pub wheel_radius: Option<f64>,
+    /// Typical sizes.
+    pub scales: Scales,
+    /// One track a stretch.
+    pub tracks: Vec<Track>,
+}
+
+impl Scene {
+    /// The scene of a data set. `headings` are measured ones, one vector a stretch; without them they are integrated from the
+    /// measured angular velocity, from zero at each stretch's start.
+    pub fn new(
+        data: &Dataset,
+        model: &dyn RegressorModel,
+        track_width: f64,
+        wheel_radius: Option<f64>,
+        headings: Option<&[Vec<f64>]>,
+    ) -> Self {
+        let frame = Frame::of(model, track_width);
+        let scales = scales(data, frame);
+        let mut scene = Self { frame, wheel_radius, scales, tracks: Vec::new() };
+        scene.tracks = scene.tracks_of(data, headings);
+        scene
+    }
+
+    /// Another data set seen with this scene's scales, so that parameters mean the same: held-out data, another recording.
+    #[must_use]
+    pub fn like(&self, data: &Dataset, headings: Option<&[Vec<f64>]>) -> Self {
+        Self { tracks: self.tracks_of(data, headings), ..self.clone() }
+    }
+
+    fn tracks_of(&self, data: &Dataset, headings: Option<&[Vec<f64>]>) -> Vec<Track> {
+        data.stretches.iter().enumerate().map(|(s, stretch)| self.track(stretch, headings.and_then(|h| h.get(s)))).collect()
+    }
+
+    fn track(&self, stretch: &Stretch, heading: Option<&Vec<f64>>) -> Track {
+        if !self.frame.has_wheels() {
+            return Track::default();
+        }
+        let pair = |k: usize| [stretch.outputs[0][k], stretch.outputs[1][k]];
+        let integral = |of: &dyn Fn(usize) -> f64| {
+            let mut sum = 0.0;
+            (0..stretch.len())
+                .map(|k| {
+                    if k > 0 {
+                        sum += 0.5 * (of(k - 1) + of(k)) * (stretch.time[k] - stretch.time[k - 1]);
+                    }
+                    sum
+                })
+                .collect::<Vec<f64>>()
+        };
+        Track {
+            heading: heading.cloned().unwrap_or_else(|| integral(&|k| self.frame.body(&pair(k))[1])),
+            distance: [0, 1].map(|side| integral(&|k| self.frame.wheels(&pair(k))[side])),
+        }
+    }
+}
+
+fn scales(data: &Dataset, frame: Frame) -> Scales {
+    let rms = |values: &mut dyn Iterator<Item = f64>| {
+        let (n, sum) = values.fold((0_usize, 0.0), |(n, s), x| (n + 1, s + x * x));
+        let rms = (sum / n.max(1) as f64).sqrt();
+        if rms > 0.0 { rms } else { 1.0 }
+    };
+    let of = |pick: fn(&Stretch) -> &Vec<Vec<f64>>, i: usize| data.stretches.iter().flat_map(move |s| pick(s)[i].iter().copied());
+    let speed = if frame.has_wheels() {
+        rms(&mut data.stretches.iter().flat_map(|s| (0..s.len()).flat_map(move |k| frame.wheels(&[s.outputs[0][k], s.outputs[1][k]]))))
+    } else {
+        rms(&mut data.stretches.iter().flat_map(|s| s.outputs.iter().flatten().copied()))
+    };
+    let largest = |i: usize| of(|s| &s.inputs, i).fold(0.0_f64, |m, x| m.max(x.abs()));
+    let first = data.stretches.iter().map(|s| s.time[0]).fold(f64::INFINITY, f64::min);
+    let last = data.stretches.iter().map(|s| s.time[s.len() - 1]).fold(f64::NEG_INFINITY, f64::max);
+    Scales {
+        inputs: (0..data.inputs.len()).map(|i| rms(&mut of(|s| &s.inputs, i))).collect(),
+        largest: (0..data.inputs.len()).map(largest).collect(),
+        outputs: (0..data.outputs.len()).map(|i| rms(&mut of(|s| &s.outputs, i))).collect(),
+        speed,
+        time: (first, last),
+        period: data.period(),
+    }
+}
+
+/// One instant of a simulation, with the sub-step that leads to it.
+#[derive(Debug, Clone, Copy)]
+pub struct Instant<'a> {
+    /// Time \[s\], on the recording's clock.
+    pub time: f64,
+    /// Time that passes up to now in this call \[s\]; zero where a state is only looked at.
+    pub span: f64,
+    /// Row of the stretch whose command is held.
+    pub row: usize,
+    /// The stretch.
+    pub stretch: &'a Stretch,
+    /// Its course.
+    pub track: &'a Track,
+    /// The scene.
+    pub scene: &'a Scene,
+}
+
+impl Instant<'_> {
+    /// The command of an input that was held at an earlier time; before the stretch, its first.
+    pub fn held(&self, time: f64, input: usize) -> f64 {
+        self.stretch.inputs[input][self.row_at(time)]
+    }
+
+    /// The row whose command is held at a time that is not later than now.
+    pub fn row_at(&self, time: f64) -> usize {
+        let stamps = &self.stretch.time;
+        // A time that differs from a stamp by rounding is at the stamp: the step has just been cut there.
+        let tolerance = 1e-9 * self.scene.scales.period;
+        let mut row = self.row.min(stamps.len() - 1);
+        while row > 0 && stamps[row] > time + tolerance {
+            row -= 1;
+        }
+        row
+    }
+
+    /// Measured heading now \[rad\].
+    pub fn heading(&self) -> f64 {
+        self.between(&self.track.heading)
+    }
+
+    /// Measured distance that a wheel has rolled \[m\]: 0 left, 1 right.
+    pub fn distance(&self, side: usize) -> f64 {
+        self.between(&self.track.distance[side])
+    }
+
+    fn between(&self, values: &[f64]) -> f64 {
+        let (Some(&a), time) = (values.get(self.row), &self.stretch.time) else { return 0.0 };
+        match (values.get(self.row + 1), time.get(self.row + 1)) {
+            (Some(&b), Some(&end)) => a + (b - a) * (self.time - time[self.row]) / (end - time[self.row]),
+            _ => a,
+        }
+    }
+}

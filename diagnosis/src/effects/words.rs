@@ -1,0 +1,30 @@
+//! Numbers in sentences, and shapes that several effects share.
+
+use wheelwright_core::effect::Estimate;
+
+/// A value with its unit and, if there is one, its interval: `0.31 V (0.29 to 0.33)`.
+pub(super) fn quantity(estimate: Estimate, unit: &str) -> String {
+    let unit = if unit == "1" { String::new() } else { format!(" {unit}") };
+    match estimate.ci95 {
+        Some((low, high)) => format!("{}{unit} ({} to {})", digits(estimate.value), digits(low), digits(high)),
+        None => format!("{}{unit}", digits(estimate.value)),
+    }
+}
+
+/// Three significant digits.
+pub(super) fn digits(value: f64) -> String {
+    if value == 0.0 || !value.is_finite() {
+        return format!("{value}");
+    }
+    let decimals = (2 - value.abs().log10().floor() as i32).clamp(0, 9) as usize;
+    format!("{value:.decimals$}")
+}
+
+/// Width of the smooth sign of a friction, as a share of the typical wheel speed: narrow against any motion that matters, wide
+/// enough to be stepped through.
+const KINK: f64 = 0.008;
+
+/// The sign of a speed, smooth within the kink.
+pub(super) fn smooth_sign(speed: f64, typical: f64) -> f64 {
+    (speed / (KINK * typical)).tanh()
+}
