@@ -4,3 +4,4 @@
 //! what it gains beyond what chance would, on the data at hand and on data kept away from it.
 
 pub mod effects;
+pub mod finding;

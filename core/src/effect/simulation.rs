@@ -369,7 +369,8 @@ impl<'a> EffectSimulator<'a> {
             let at = Instant { time, span: 0.0, row: k, stretch, track, scene: self.scene };
             let switch = self.effects.iter().map(|s| s.effect.next_switch(&s.values, &at)).fold(end, f64::min);
             let until = if switch > time + tolerance && end - switch > tolerance { switch } else { end };
-            let count = ((until - time) / longest - 1e-6).ceil().max(1.0);
+            // Where effects switch often they change fast: short pieces are refined as well when all are.
+            let count = ((until - time) / longest - 1e-6).ceil().max(substeps.div_ceil(2) as f64);
             let step = (until - time) / count;
             self.arrive(&at);
             for i in 0..count as usize {

@@ -68,7 +68,7 @@ impl Effect for ActuatorLag {
     /// Steps are short while the filter runs after a new command.
     fn next_switch(&self, p: &[f64], at: &Instant<'_>) -> f64 {
         let since = |share: f64| at.stretch.time[at.row] + share * p[0];
-        [0.25, 0.5, 1.0, 1.5, 2.5, 4.0, 6.0].into_iter().map(since).find(|t| *t > at.time + 1e-3 * p[0]).unwrap_or(f64::INFINITY)
+        [1.0, 3.0, 7.0].into_iter().map(since).find(|t| *t > at.time + 1e-3 * p[0]).unwrap_or(f64::INFINITY)
     }
 
     fn command(&self, p: &[f64], at: &Instant<'_>, _outputs: &[f64], state: &mut [f64], u: &mut [f64]) {
