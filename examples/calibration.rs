@@ -21,7 +21,7 @@ use wheelwright_core::simulation::{DIFFERENCE, Direction, Readout, Simulator};
 use wheelwright_core::solver::{Problem, Solver};
 use wheelwright_core::{Dataset, ModelConfig, RegressorModel, Stretch};
 use wheelwright_models::VwPdConfig;
-use wheelwright_solvers::{NoiseModel, Ols, OutputError, Thesis, Velocity};
+use wheelwright_solvers::{NoiseModel, Ols, OutputError, Recursive, Thesis, Velocity};
 
 type Theta = [f64; 6];
 
@@ -56,8 +56,9 @@ struct Variant {
     noise: Noise,
 }
 
-const VARIANTS: [Variant; 7] = [
+const VARIANTS: [Variant; 8] = [
     Variant { name: "white", theta: B0, deviation: B0_NOISE, period: 0.05, duration: 150.0, jitter: 0.0, noise: Noise::White },
+    Variant { name: "short", theta: B0, deviation: B0_NOISE, period: 0.05, duration: 30.0, jitter: 0.0, noise: Noise::White },
     Variant { name: "ar1", theta: B0, deviation: B0_NOISE, period: 0.05, duration: 150.0, jitter: 0.0, noise: Noise::Autoregressive(0.7) },
     Variant { name: "10hz", theta: B0, deviation: B0_NOISE, period: 0.1, duration: 150.0, jitter: 0.0, noise: Noise::White },
     Variant { name: "3.3hz", theta: B0, deviation: B0_NOISE, period: 0.3, duration: 150.0, jitter: 0.0, noise: Noise::White },
@@ -239,9 +240,10 @@ fn report(name: &str, trials: &[Option<Trial>], truth: &Theta, bounds: &Theta) {
     let bias = std::array::from_fn(|i| mean(&|t| t.theta[i] - truth[i]) / bounds[i]);
     let warned = solved.iter().filter(|t| t.warned).count();
     println!("{name:<22} RMSE / bound {}   ({} of {} solved, {warned} warned)", row(ratio, 2), solved.len(), trials.len());
-    if solved.iter().all(|t| t.covered.is_some()) {
-        let share = |i: usize| 100.0 * mean(&|t| t.covered.map_or(0.0, |c| f64::from(u8::from(c[i]))));
-        println!("{:<22} coverage [%] {}", "", row(std::array::from_fn(share), 1));
+    let stated: Vec<[bool; 6]> = solved.iter().filter_map(|t| t.covered).collect();
+    if !stated.is_empty() {
+        let share = |i: usize| 100.0 * stated.iter().filter(|c| c[i]).count() as f64 / stated.len() as f64;
+        println!("{:<22} coverage [%] {}   ({} stated)", "", row(std::array::from_fn(share), 1), stated.len());
     }
     println!("{:<22} bias / bound {}", "", row(bias, 2));
 }
@@ -268,6 +270,8 @@ fn main() -> Result<(), Box<dyn Error>> {
         if matches!(variant.noise, Noise::Autoregressive(_)) {
             solvers.push(("  every sample alike", Box::new(OutputError { velocity, noise: NoiseModel::White, ..OutputError::default() })));
         }
+        solvers.push(("recursive", Box::new(Recursive::default())));
+        solvers.push(("  regression alone", Box::new(Recursive { refine: false, ..Recursive::default() })));
         solvers.push(("ols", Box::new(Ols::default())));
         solvers.push(("thesis", Box::new(Thesis::default())));
         for (name, solver) in &solvers {

@@ -11,7 +11,7 @@
 //! | `steady-state` | the equations at rest over constant stretches; the rest by `ols` | no |
 //! | `output-error` | the free-run simulation error, weighted by its noise model: the reference | yes |
 //! | `robust` | the free-run simulation error under Huber's loss, for outliers and dropouts | yes |
-//! | `recursive` | the integral form of the regression, sample by sample in constant memory | no |
+//! | `recursive` | the integral form of the regression, sample by sample in constant memory, and a free run beside it | no |
 //!
 //! All honour [`ParameterMap`](wheelwright_core::ParameterMap), θ = T z + c: columns Φ T, response y − Φ c. Only
 //! `output-error` states standard errors: residuals of a filtered regression are so strongly correlated that the textbook formula covers
@@ -35,7 +35,7 @@ pub use hold::Hold;
 pub use ols::Ols;
 pub use output_error::{NoiseModel, OutputError, Velocity};
 pub use quadratic::Quadratic;
-pub use recursive::{Estimator, Recursive};
+pub use recursive::{Estimator, Recursive, Stage};
 pub use regression::{LeastSquares, SolverRegression, System};
 pub use robust::Robust;
 pub use steady_state::SteadyState;

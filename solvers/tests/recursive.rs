@@ -29,7 +29,7 @@ fn without_forgetting_it_is_the_batch_solution() {
     for window in [1, 10, 25] {
         let problem = Problem::new(&*model, &data);
         let expected = batch(window).solve(&problem).unwrap();
-        let found = Recursive { window, memory_s: None }.solve(&problem).unwrap();
+        let found = Recursive { window, refine: false, ..Recursive::default() }.solve(&problem).unwrap();
         for (f, e) in found.theta.iter().zip(&expected.theta) {
             assert!((f - e).abs() <= 1e-9 * e.abs().max(1e-3), "window {window}: {f} for {e}");
         }
@@ -45,7 +45,8 @@ fn fixed_parameters_stay_and_the_rest_is_the_batch_solution() {
     problem.map.free = kept.iter().map(|&i| problem.map.free[i].clone()).collect();
     problem.map.matrix = (0..6).flat_map(|i| kept.iter().map(move |&j| f64::from(u8::from(i == j)))).collect();
     problem.map.offset[3] = 1.02;
-    let (expected, found) = (batch(10).solve(&problem).unwrap(), Recursive::default().solve(&problem).unwrap());
+    let (expected, found) =
+        (batch(10).solve(&problem).unwrap(), Recursive { refine: false, ..Recursive::default() }.solve(&problem).unwrap());
     assert_eq!(found.theta[3], 1.02);
     assert!(found.theta.iter().zip(&expected.theta).all(|(f, e)| (f - e).abs() < 1e-9), "{:?} for {:?}", found.theta, expected.theta);
 }
@@ -65,7 +66,7 @@ fn forgetting_follows_a_robot_that_changes() {
     heavy[0] *= 2.0;
     let (before, after) = (drive(), record(heavy, times(0.1, 1500), pioneer_reference, 0.01));
     let follow = |memory_s: Option<f64>| {
-        let mut estimator = Recursive { window: 10, memory_s }.start(&*model, &model.map()).unwrap();
+        let mut estimator = Recursive { memory_s, refine: false, ..Recursive::default() }.start(&*model, &model.map()).unwrap();
         let mut theta = [0.0; 6];
         for Stretch { time, inputs, outputs, .. } in [&before.stretches[0], &after.stretches[0]] {
             estimator.new_stretch();
@@ -108,4 +109,106 @@ fn a_robot_that_stands_is_not_identifiable() {
     assert_eq!(parameters, ["theta2", "theta3", "theta5", "theta6"]);
     let wrong = Recursive { memory_s: Some(-1.0), ..Recursive::default() };
     assert!(matches!(wrong.solve(&Problem::new(&*model, &data)), Err(SolveError::Setting { .. })));
+}
+
+/// Numbers that are near enough to normal: a linear congruential generator and the sum of twelve.
+struct Normal(u64);
+
+impl Normal {
+    fn next(&mut self) -> f64 {
+        let mut uniform = || {
+            self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            (self.0 >> 11) as f64 / (1_u64 << 53) as f64
+        };
+        (0..12).map(|_| uniform()).sum::<f64>() - 6.0
+    }
+}
+
+/// AR(1) noise of this deviation on every output.
+fn noisy(data: &wheelwright_core::Dataset, deviation: f64, coefficient: f64, seed: u64) -> wheelwright_core::Dataset {
+    let (mut data, mut normal) = (data.clone(), Normal(seed.wrapping_mul(0x9E37_79B9_7F4A_7C15)));
+    for column in data.stretches.iter_mut().flat_map(|s| &mut s.outputs) {
+        let mut error = deviation * normal.next();
+        for value in column {
+            *value += error;
+            error = coefficient * error + deviation * (1.0 - coefficient * coefficient).sqrt() * normal.next();
+        }
+    }
+    data
+}
+
+#[test]
+fn without_noise_the_free_run_finds_the_truth() {
+    let (model, data) = (vw_pd(), drive());
+    let solution = Recursive::default().solve(&Problem::new(&*model, &data)).unwrap();
+    for (found, truth) in solution.theta.iter().zip(PIONEER) {
+        assert!((found - truth).abs() < 1e-6, "{found} for {truth}");
+    }
+    assert!(solution.ci95.is_some());
+}
+
+#[test]
+fn intervals_cover_and_the_bias_of_the_regression_is_gone() {
+    let (model, data) = (vw_pd(), drive());
+    for coefficient in [0.0, 0.7] {
+        let (mut covered, mut stated, mut errors, mut biased) = (0, 0, 0.0, 0.0);
+        for seed in 1..=40 {
+            let data = noisy(&data, 0.01, coefficient, seed);
+            let problem = Problem::new(&*model, &data);
+            let solution = Recursive::default().solve(&problem).unwrap();
+            let Some(ci95) = solution.ci95 else { continue };
+            stated += 1;
+            covered += ci95.iter().zip(PIONEER).filter(|((low, high), truth)| low <= truth && truth <= high).count();
+            errors += solution.theta[0] - PIONEER[0];
+            biased += Recursive { refine: false, ..Recursive::default() }.solve(&problem).unwrap().theta[0] - PIONEER[0];
+        }
+        assert!(stated >= 38, "{stated} of 40 stated");
+        let share = covered as f64 / (6 * stated) as f64;
+        assert!((0.91..=0.99).contains(&share), "AR {coefficient}: {share} covered");
+        // Noise that is alike over a window biases the regression less, by no more than the scatter of 40 seeds.
+        assert!(coefficient > 0.0 || errors.abs() < 0.3 * biased.abs(), "{errors} against {biased}");
+    }
+}
+
+#[test]
+fn breaks_between_stretches_are_no_samples() {
+    let model = vw_pd();
+    let mut data = noisy(&drive(), 0.005, 0.0, 3);
+    let whole = data.stretches[0].clone();
+    data.stretches = [0..400, 500..511, 700..1500].map(|rows| whole.slice(rows)).to_vec();
+    let solution = Recursive::default().solve(&Problem::new(&*model, &data)).unwrap();
+    let std = solution.std.unwrap();
+    for ((found, truth), std) in solution.theta.iter().zip(PIONEER).zip(std) {
+        assert!((found - truth).abs() < 4.0 * std, "{found} ± {std} for {truth}");
+    }
+}
+
+#[test]
+fn what_the_model_lacks_takes_the_intervals_away() {
+    let model = vw_pd();
+    let mut data = noisy(&drive(), 0.005, 0.0, 3);
+    // Wheels that lose their grip for 15 s at a time.
+    data.stretches[0].outputs[0].iter_mut().enumerate().filter(|(k, _)| k % 300 >= 150).for_each(|(_, v)| *v *= 0.6);
+    let solution = Recursive::default().solve(&Problem::new(&*model, &data)).unwrap();
+    assert!(solution.ci95.is_none() && solution.steps.iter().any(|s| s.starts_with("no intervals")), "{:?}", solution.steps);
+}
+
+#[test]
+fn forgetting_states_the_errors_of_what_it_remembers() {
+    let model = vw_pd();
+    let (mut covered, mut stated, mut wider) = (0, 0, 0.0);
+    for seed in 1..=20 {
+        let data = noisy(&drive(), 0.005, 0.0, seed);
+        let problem = Problem::new(&*model, &data);
+        let faithful = Recursive::default().solve(&problem).unwrap();
+        let forgetful = Recursive { memory_s: Some(20.0), ..Recursive::default() }.solve(&problem).unwrap();
+        let (Some(a), Some(b), Some(ci95)) = (faithful.std, forgetful.std, forgetful.ci95) else { continue };
+        stated += 1;
+        wider += b[3] / a[3];
+        covered += ci95.iter().zip(PIONEER).filter(|((low, high), truth)| low <= truth && truth <= high).count();
+    }
+    let share = covered as f64 / (6 * stated) as f64;
+    assert!(stated >= 18 && (0.85..=1.0).contains(&share), "{share} of {stated}");
+    // 150 s count as 40 s of the same weight: 1.9 times the error.
+    assert!((1.3..3.5).contains(&(wider / f64::from(stated))), "{}", wider / f64::from(stated));
 }

@@ -63,6 +63,14 @@ impl<'a> Simulator<'a> {
     /// # Errors
     /// [`ModelError`] if the equations do not determine the accelerations.
     pub fn new(model: &'a dyn RegressorModel, theta: &[f64]) -> Result<Self, ModelError> {
+        let mut simulator = Self::unset(model);
+        simulator.theta = theta.to_vec();
+        simulator.linearise()?;
+        Ok(simulator)
+    }
+
+    /// The buffers of a simulator whose parameters come later, by [`set_theta`](Self::set_theta).
+    pub fn unset(model: &'a dyn RegressorModel) -> Self {
         let n = model.outputs().len();
         let buffer = || vec![0.0; n];
         let stages = Stages {
@@ -76,9 +84,9 @@ impl<'a> Simulator<'a> {
             nb: buffer(),
             nc: buffer(),
         };
-        let mut simulator = Self {
+        Self {
             model,
-            theta: theta.to_vec(),
+            theta: vec![0.0; model.parameters().len()],
             readout: Readout::default(),
             fixed_step: None,
             max_step: f64::INFINITY,
@@ -87,9 +95,7 @@ impl<'a> Simulator<'a> {
             weights: Weights::new(n),
             stages,
             input: vec![0.0; model.inputs().len()],
-        };
-        simulator.set_theta(theta)?;
-        Ok(simulator)
+        }
     }
 
     /// Simulates what a driver records that reads velocities in this way.
@@ -156,6 +162,33 @@ impl<'a> Simulator<'a> {
         let mut simulated = vec![Vec::new(); initial.len()];
         self.run(stretch, &initial, &mut simulated)?;
         Ok(simulated)
+    }
+
+    /// Puts the run at a state, to go on from there with [`hold`](Self::hold).
+    pub fn place(&mut self, state: &[f64]) {
+        self.stages.state.copy_from_slice(state);
+    }
+
+    /// Moves the state along the line from `origin`, to `factor` times its distance.
+    pub fn draw(&mut self, origin: &[f64], factor: f64) {
+        self.stages.state.iter_mut().zip(origin).for_each(|(x, o)| *x = o + factor * (*x - o));
+    }
+
+    /// The state the run has come to.
+    pub fn state(&self) -> &[f64] {
+        &self.stages.state
+    }
+
+    /// Advances the run by `interval` \[s\] under held inputs, in one step unless the step is bounded; allocates nothing for up
+    /// to four outputs.
+    ///
+    /// # Errors
+    /// [`ModelError`] if the equations cannot be solved where the run has come to. A run that diverges has a state that is
+    /// not finite.
+    pub fn hold(&mut self, inputs: &[f64], interval: f64) -> Result<(), ModelError> {
+        self.max_step = self.fixed_step.unwrap_or(f64::INFINITY);
+        self.input.copy_from_slice(inputs);
+        self.advance(interval)
     }
 
     fn begin(&mut self, capacity: usize, initial: &[f64], simulated: &mut [Vec<f64>]) {

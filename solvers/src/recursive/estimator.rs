@@ -1,0 +1,215 @@
+//! The estimator: samples in, θ out.
+
+use wheelwright_core::model::{ParameterMap, RegressorModel, Sample};
+
+use super::free_run::FreeRun;
+use super::givens::Givens;
+use super::{Recursive, half_width};
+
+/// Where an estimate comes from.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Stage {
+    /// The samples so far do not determine θ.
+    Unknown,
+    /// From the regression alone: biased by the noise in its columns, no intervals.
+    Regression,
+    /// From the free run that follows the regression, with standard errors.
+    FreeRun {
+        /// Half the width of a 95 % interval in standard errors.
+        half_width: f64,
+    },
+}
+
+/// The estimator: feed it samples, ask it for θ.
+#[derive(Debug)]
+pub struct Estimator<'a> {
+    model: &'a dyn RegressorModel,
+    map: ParameterMap,
+    memory_s: Option<f64>,
+    /// Integrals of [Φ y] over the last intervals, a ring.
+    intervals: Vec<f64>,
+    filled: usize,
+    next: usize,
+    last: Option<f64>,
+    held: Vec<f64>,
+    before: Vec<f64>,
+    slopes: Vec<f64>,
+    phi: Vec<f64>,
+    y: Vec<f64>,
+    /// One row [Φ T, y − Φ c] over the window, and the triangle of all rows before it.
+    row: Vec<f64>,
+    triangle: Givens,
+    rows: f64,
+    free: Vec<f64>,
+    scratch: Vec<f64>,
+    known: bool,
+    innovation: Vec<f64>,
+    free_run: Option<FreeRun<'a>>,
+}
+
+impl<'a> Estimator<'a> {
+    pub(super) fn new(settings: &Recursive, model: &'a dyn RegressorModel, map: &ParameterMap) -> Self {
+        let (equations, parameters, free) = (model.equations(), model.parameters().len(), map.free.len());
+        // Only as many equations as outputs can be simulated.
+        let refine = settings.refine && equations == model.outputs().len();
+        Self {
+            model,
+            map: map.clone(),
+            memory_s: settings.memory_s,
+            intervals: vec![0.0; settings.window * equations * (parameters + 1)],
+            filled: 0,
+            next: 0,
+            last: None,
+            held: vec![0.0; model.inputs().len()],
+            before: vec![0.0; model.outputs().len()],
+            slopes: vec![0.0; model.outputs().len()],
+            phi: vec![0.0; equations * parameters],
+            y: vec![0.0; equations],
+            row: vec![0.0; free + 1],
+            triangle: Givens::new(free),
+            rows: 0.0,
+            free: vec![0.0; free],
+            scratch: vec![0.0; 2 * free],
+            known: false,
+            innovation: vec![0.0; equations],
+            free_run: refine.then(|| FreeRun::new(model, map, settings.memory_s)),
+        }
+    }
+
+    /// Takes a sample: outputs measured at `time` \[s\] and the inputs held from then on. True if a window was full and
+    /// its rows were taken in. A time that does not advance starts a new stretch.
+    pub fn push(&mut self, time: f64, inputs: &[f64], outputs: &[f64]) -> bool {
+        let interval = self.last.map(|last| time - last).filter(|dt| *dt > 0.0);
+        match interval {
+            Some(interval) => self.integrate(interval, outputs),
+            None => self.filled = 0,
+        }
+        let full = self.filled * self.row_length() == self.intervals.len();
+        if let (true, Some(interval)) = (full, interval) {
+            self.take_in(interval);
+        }
+        self.follow(interval, outputs);
+        self.last = Some(time);
+        self.held.copy_from_slice(inputs);
+        self.before.copy_from_slice(outputs);
+        full
+    }
+
+    /// Forgets the last sample, not what was learned: the next one starts a new stretch.
+    pub fn new_stretch(&mut self) {
+        self.last = None;
+    }
+
+    /// Writes the θ of the regression; false while the samples do not determine it.
+    pub fn theta(&self, theta: &mut [f64]) -> bool {
+        let z = self.free.len();
+        for (i, t) in theta.iter_mut().enumerate() {
+            *t = self.map.offset[i] + (0..z).map(|j| self.map.matrix[i * z + j] * self.free[j]).sum::<f64>();
+        }
+        self.known
+    }
+
+    /// Writes the best θ there is and its standard errors: not a number for a parameter that is fixed, and for all of them unless
+    /// the estimate comes from the free run.
+    pub fn estimate(&mut self, theta: &mut [f64], std: &mut [f64]) -> Stage {
+        if let Some(freedom) = self.free_run.as_mut().and_then(|f| f.estimate(theta, std)) {
+            return Stage::FreeRun { half_width: half_width(freedom) };
+        }
+        std.fill(f64::NAN);
+        if self.theta(theta) { Stage::Regression } else { Stage::Unknown }
+    }
+
+    /// How much each equation's response over the last window differed from what the samples before it predicted, per
+    /// second; zero until they determined θ.
+    pub fn innovation(&self) -> &[f64] {
+        &self.innovation
+    }
+
+    /// Why there are no intervals, if there are none.
+    pub fn obstacle(&self) -> Option<&'static str> {
+        match &self.free_run {
+            Some(run) if run.ready() => None,
+            Some(_) if !self.known => Some("the samples so far do not determine the parameters"),
+            Some(run) if run.refusal().is_some() => run.refusal(),
+            Some(_) => Some("the free run that gives them has not settled yet: it needs more samples in unbroken stretches"),
+            None if self.y.len() != self.before.len() => Some("the model cannot be simulated, having not as many equations as outputs"),
+            None => Some("the regression alone has none that cover: noise in its columns biases it by more than its scatter"),
+        }
+    }
+
+    /// Free parameters that the regression cannot tell, and the condition of its scaled triangle.
+    pub(super) fn rank(&self) -> (Vec<usize>, f64) {
+        ((0..self.free.len()).filter(|&k| !self.triangle.shown(k)).collect(), self.triangle.condition())
+    }
+
+    /// Numbers kept for one interval.
+    fn row_length(&self) -> usize {
+        self.y.len() * (self.model.parameters().len() + 1)
+    }
+
+    /// Adds the integral of [Φ y] over one interval to the ring.
+    fn integrate(&mut self, interval: f64, outputs: &[f64]) {
+        let (length, parameters) = (self.row_length(), self.model.parameters().len());
+        for ((slope, now), before) in self.slopes.iter_mut().zip(outputs).zip(&self.before) {
+            *slope = (now - before) / interval;
+        }
+        let kept = &mut self.intervals[self.next * length..(self.next + 1) * length];
+        kept.fill(0.0);
+        for outputs in [self.before.as_slice(), outputs] {
+            self.model.regressor(Sample { inputs: &self.held, outputs, accelerations: &self.slopes }, &mut self.phi, &mut self.y);
+            let rows = kept.chunks_exact_mut(parameters + 1).zip(self.phi.chunks_exact(parameters)).zip(&self.y);
+            for ((kept, phi), y) in rows {
+                kept.iter_mut().zip(phi.iter().chain([y])).for_each(|(sum, value)| *sum += 0.5 * interval * value);
+            }
+        }
+        let window = self.intervals.len() / length;
+        self.next = (self.next + 1) % window;
+        self.filled = (self.filled + 1).min(window);
+    }
+
+    fn take_in(&mut self, interval: f64) {
+        let (length, parameters, z) = (self.row_length(), self.model.parameters().len(), self.free.len());
+        let window = self.intervals.len() / length;
+        if let Some(memory) = self.memory_s {
+            self.triangle.fade((-0.5 * interval / memory).exp());
+            self.rows *= (-interval / memory).exp();
+        }
+        for e in 0..self.y.len() {
+            self.row.fill(0.0);
+            for kept in self.intervals.chunks_exact(length) {
+                let kept = &kept[e * (parameters + 1)..(e + 1) * (parameters + 1)];
+                for (i, phi) in kept[..parameters].iter().enumerate() {
+                    self.row[z] -= phi * self.map.offset[i];
+                    for j in 0..z {
+                        self.row[j] += phi * self.map.matrix[i * z + j];
+                    }
+                }
+                self.row[z] += kept[parameters];
+            }
+            let predicted: f64 = self.row.iter().zip(&self.free).map(|(phi, f)| phi * f).sum();
+            self.innovation[e] = if self.known { (self.row[z] - predicted) / (window as f64 * interval) } else { 0.0 };
+            self.triangle.rotate(&mut self.row);
+            self.rows += 1.0;
+        }
+        self.known = self.triangle.solve(&mut self.free);
+    }
+
+    /// Lets the free run go on, or start where the regression knows enough.
+    fn follow(&mut self, interval: Option<f64>, outputs: &[f64]) {
+        let Some(run) = &mut self.free_run else { return };
+        match interval {
+            Some(interval) => run.push(interval, &self.held, outputs),
+            None => run.begin_stretch(outputs),
+        }
+        let z = self.free.len();
+        if !self.known || !run.waits() || self.rows < super::FIRST_ROWS * z as f64 {
+            return;
+        }
+        let variance = self.triangle.residual() / (self.rows - z as f64);
+        let (deviations, scratch) = self.scratch.split_at_mut(z);
+        for (k, deviation) in deviations.iter_mut().enumerate() {
+            *deviation = (variance * self.triangle.variance(|j| f64::from(u8::from(j == k)), scratch)).sqrt();
+        }
+        run.start(&self.free, deviations, outputs);
+    }
+}
