@@ -21,6 +21,7 @@ pub mod excitation;
 pub mod identifiability;
 pub mod identification;
 pub mod lag;
+pub mod least_squares;
 mod local;
 pub mod model;
 mod noise;

@@ -19,7 +19,6 @@
 
 mod bounded;
 mod hold;
-mod least_squares;
 mod ols;
 mod output_error;
 mod quadratic;

@@ -17,8 +17,8 @@ use wheelwright_core::solver::{Problem, Solution, SolveError, Solver, Status};
 
 use crate::OutputError;
 use crate::Velocity;
-use crate::least_squares::{Factor, Limits, constrained_step};
 use crate::output_error::{Channels, Fit, FreeRun, Noise, NoiseModel};
+use wheelwright_core::least_squares::{Factor, Limits, constrained_step};
 
 /// Errors beyond this many σ pull no harder.
 const CORNER: f64 = 1.345;

@@ -16,7 +16,7 @@ use wheelwright_core::solver::{Problem, SolveError};
 
 use super::noise::{Channels, Noise};
 use super::start::Integrals;
-use crate::least_squares::{Factor, Residuals};
+use wheelwright_core::least_squares::{Factor, Residuals};
 
 /// Most steps between two samples: where friction makes a kink, shorter ones cost much and gain little against noise.
 const FINEST: f64 = 32.0;

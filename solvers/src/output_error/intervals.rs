@@ -7,7 +7,7 @@ use nalgebra::{DMatrix, DVector};
 use statrs::distribution::{ContinuousCDF, StudentsT};
 use wheelwright_core::solver::{Problem, SolveError};
 
-use crate::least_squares::{Limits, Outcome};
+use wheelwright_core::least_squares::{Limits, Outcome};
 
 /// Condition of the scaled problem above which directions are lost in rounding and in the sensitivities' own error.
 const WORST_CONDITION: f64 = 1e8;

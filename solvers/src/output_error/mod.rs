@@ -18,13 +18,13 @@ use wheelwright_core::simulation::Readout;
 use wheelwright_core::solver::{Problem, Solution, SolveError, Solver, Status};
 
 use crate::Ols;
-use crate::least_squares::{Limits, Options, Outcome, Residuals, minimise};
 pub(crate) use free_run::FreeRun;
 use intervals::Intervals;
 pub(crate) use intervals::not_identifiable;
 pub(crate) use noise::{Channels, Noise};
 use specification::{Scores, Specification};
 use start::Integrals;
+use wheelwright_core::least_squares::{Limits, Options, Outcome, Residuals, minimise};
 
 /// Simulation error below this share of an output's largest value is numerical error, not noise.
 const NUMERICAL: f64 = 1e-8;

@@ -16,7 +16,7 @@ use wheelwright_core::solver::SolveError;
 use super::free_run::FreeRun;
 use super::intervals::unbounded_directions;
 use super::noise::{Channels, Noise};
-use crate::least_squares::{Factor, Limits, Outcome};
+use wheelwright_core::least_squares::{Factor, Limits, Outcome};
 
 /// Error is taken for a fault of the model if noise would give a statistic as large this seldom.
 const LEVEL: f64 = 1e-3;

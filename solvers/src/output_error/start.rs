@@ -8,7 +8,7 @@ use nalgebra::{DMatrix, DVector};
 use wheelwright_core::model::Sample;
 use wheelwright_core::solver::{Problem, SolveError};
 
-use crate::least_squares::{Factor, Limits, constrained_step};
+use wheelwright_core::least_squares::{Factor, Limits, constrained_step};
 
 /// Windows \[s\] that give a start each: for quick robots with little noise, and for slow ones with much.
 const WINDOWS: [f64; 3] = [1.0, 0.3, 3.0];

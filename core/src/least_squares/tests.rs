@@ -1,8 +1,8 @@
 //! The optimizer against certified regressions, and its bounded steps against enumeration.
 
+use crate::solver::SolveError;
 use nalgebra::{DMatrix, DVector};
 use proptest::prelude::*;
-use wheelwright_core::solver::SolveError;
 
 use super::{Factor, Limits, Options, Outcome, Residuals, constrained_step, minimise};
 use nist::{Nist, SETS};

@@ -6,12 +6,15 @@
 //! (Lawson and Hanson, Solving Least Squares Problems, 1974, chapter 23). λ falls fast after a good step and rises slowly
 //! after a bad one, which keeps to curved valleys (Transtrum and Sethna, arXiv:1201.5885, "delayed gratification").
 
+use crate::solver::SolveError;
 use nalgebra::{DMatrix, DVector};
-use wheelwright_core::solver::SolveError;
 
 /// A sum of squares to be minimised. It keeps the current point; `minimise` only tells it where to go.
-pub(crate) trait Residuals {
+pub trait Residuals {
     /// Jacobian and residual at the current point. After an error the last linearisation still serves attempts.
+    ///
+    /// # Errors
+    /// [`SolveError`] if the model cannot be evaluated about this point.
     fn linearise(&mut self) -> Result<Factor, SolveError>;
     /// Sum of squares at current point + step; infinite where the model cannot be evaluated.
     fn attempt(&mut self, step: &DVector<f64>) -> f64;
@@ -21,15 +24,18 @@ pub(crate) trait Residuals {
 
 /// ‖J s + r‖² = ‖R s + q‖² + rest².
 #[derive(Debug, Clone)]
-pub(crate) struct Factor {
-    pub(crate) r: DMatrix<f64>,
-    pub(crate) q: DVector<f64>,
-    pub(crate) rest: f64,
+pub struct Factor {
+    /// Upper triangular R, one row and column an unknown.
+    pub r: DMatrix<f64>,
+    /// q, what the unknowns can still change of the residual.
+    pub q: DVector<f64>,
+    /// Length of the part of the residual that they cannot change.
+    pub rest: f64,
 }
 
 impl Factor {
     /// From a matrix whose last column is the residual. Fewer rows than columns are filled up with zeros.
-    pub(crate) fn of(augmented: DMatrix<f64>) -> Self {
+    pub fn of(augmented: DMatrix<f64>) -> Self {
         let n = augmented.ncols() - 1;
         let upper = augmented.qr().r();
         let mut square = DMatrix::zeros(n + 1, n + 1);
@@ -38,38 +44,41 @@ impl Factor {
     }
 
     /// Sum of squares at the point it belongs to.
-    pub(crate) fn cost(&self) -> f64 {
+    pub fn cost(&self) -> f64 {
         self.q.norm_squared() + self.rest * self.rest
     }
 
     /// Standard deviation of each unknown for residuals of unit variance; infinite where the factor is singular.
-    pub(crate) fn deviations(&self) -> DVector<f64> {
+    pub fn deviations(&self) -> DVector<f64> {
         let n = self.r.ncols();
         let inverse = self.r.solve_upper_triangular(&DMatrix::identity(n, n));
         DVector::from_fn(n, |i, _| inverse.as_ref().map_or(f64::INFINITY, |m| m.row(i).norm()))
     }
 
     /// Length of each column.
-    pub(crate) fn norms(&self) -> DVector<f64> {
+    pub fn norms(&self) -> DVector<f64> {
         DVector::from_iterator(self.r.ncols(), self.r.column_iter().map(|c| c.norm()))
     }
 }
 
 /// G z ≥ h.
 #[derive(Debug, Clone)]
-pub(crate) struct Limits {
-    pub(crate) g: DMatrix<f64>,
-    pub(crate) h: DVector<f64>,
+pub struct Limits {
+    /// G, one row an inequality.
+    pub g: DMatrix<f64>,
+    /// h.
+    pub h: DVector<f64>,
 }
 
 /// How far to go.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Options {
-    pub(crate) iterations: usize,
+pub struct Options {
+    /// Most steps.
+    pub iterations: usize,
     /// Stop when the linear model promises to lower the cost by less than this share of it.
-    pub(crate) promise: f64,
+    pub promise: f64,
     /// The same in absolute terms, for residuals in units of their standard deviation.
-    pub(crate) absolute: f64,
+    pub absolute: f64,
 }
 
 impl Default for Options {
@@ -80,15 +89,17 @@ impl Default for Options {
 
 /// Where it ended.
 #[derive(Debug, Clone)]
-pub(crate) struct Outcome {
-    pub(crate) z: DVector<f64>,
+pub struct Outcome {
+    /// The point.
+    pub z: DVector<f64>,
     /// The problem at `z`.
-    pub(crate) factor: Factor,
-    pub(crate) converged: bool,
+    pub factor: Factor,
+    /// False if the iterations ran out or no step got anywhere.
+    pub converged: bool,
     /// True if every step did what the linear model promised: the cost was convex along the way.
-    pub(crate) smooth: bool,
+    pub smooth: bool,
     /// Inequalities that hold with equality.
-    pub(crate) active: Vec<usize>,
+    pub active: Vec<usize>,
 }
 
 /// A step this much shorter than the point, both scaled, no longer moves it: the search has run aground.
@@ -101,7 +112,10 @@ const FIRST_DAMPING: f64 = 1e-2;
 const LEAST_DAMPING: f64 = 1e-30;
 
 /// Minimises from `z`, the current point of `problem`, which must satisfy the limits.
-pub(crate) fn minimise(problem: &mut dyn Residuals, mut z: DVector<f64>, limits: &Limits, options: Options) -> Result<Outcome, SolveError> {
+///
+/// # Errors
+/// [`SolveError`] if the problem cannot be linearised at the start, or the limits exclude each other.
+pub fn minimise(problem: &mut dyn Residuals, mut z: DVector<f64>, limits: &Limits, options: Options) -> Result<Outcome, SolveError> {
     let mut factor = problem.linearise()?;
     let mut scale = DVector::zeros(z.len());
     let (first_cost, mut last_promise) = (factor.cost(), f64::INFINITY);
@@ -170,7 +184,10 @@ fn at_limit(limits: &Limits, i: usize, z: &DVector<f64>) -> bool {
 }
 
 /// The step s that minimises ‖R s + q‖² + ‖diag(damping) s‖² subject to G (z + s) ≥ h.
-pub(crate) fn constrained_step(
+///
+/// # Errors
+/// [`SolveError::Failed`] if there is none.
+pub fn constrained_step(
     factor: &Factor,
     damping: Option<&DVector<f64>>,
     z: &DVector<f64>,
