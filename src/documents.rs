@@ -41,6 +41,9 @@ pub fn identify(findings: &Findings, found: &Identification) -> Value {
     if let (Value::Object(all), Value::Object(evidence)) = (&mut document, findings.evidence.document()) {
         all.extend(evidence);
     }
+    if let Some(trace) = &findings.online {
+        document["online"] = trace.document();
+    }
     document
 }
 
@@ -70,7 +73,7 @@ pub fn error(error: &Error) -> Value {
 }
 
 /// JSON knows no infinity: it becomes `null`.
-fn number(value: f64) -> Value {
+pub fn number(value: f64) -> Value {
     if value.is_finite() { json!(value) } else { Value::Null }
 }
 

@@ -10,6 +10,7 @@ pub mod documents;
 pub mod error;
 pub mod evidence;
 pub mod model_file;
+pub mod online;
 pub mod output;
 pub mod registry;
 pub mod report;

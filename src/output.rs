@@ -69,6 +69,6 @@ pub fn series_csv(channels: &Dataset, parts: &[(&str, &Validation)]) -> String {
 }
 
 /// A CSV field, quoted where it must be.
-fn quoted(field: &str) -> String {
+pub fn quoted(field: &str) -> String {
     if field.contains([',', '"', '\n', '\r']) { format!("\"{}\"", field.replace('"', "\"\"")) } else { field.to_owned() }
 }

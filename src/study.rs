@@ -14,6 +14,7 @@ use wheelwright_solvers::Ols;
 use crate::constraints::Freedom;
 use crate::error::Error;
 use crate::evidence::Evidence;
+use crate::online::Trace;
 use crate::report::RecordingFacts;
 use crate::source::Source;
 
@@ -59,6 +60,8 @@ pub struct Findings {
     pub evidence: Evidence,
     /// What a user should know: readers' warnings, then the solver's.
     pub warnings: Vec<String>,
+    /// What the estimator that runs on the robot said over time, if it was asked.
+    pub online: Option<Trace>,
 }
 
 impl Study {
@@ -99,7 +102,7 @@ impl Study {
         let validation_recordings: Vec<_> = validation.iter().map(used).collect();
         let mut warnings = warnings(recordings.iter().chain(&validation_recordings), &identification);
         warnings.extend(evidence.concerns());
-        Ok(Findings { recordings, validation_recordings, identification, evidence, warnings, train, held_out })
+        Ok(Findings { recordings, validation_recordings, identification, evidence, warnings, train, held_out, online: None })
     }
 
     /// Opens recordings by path.

@@ -133,6 +133,33 @@ fn frc_logs_give_the_same_numbers_from_csv_and_from_the_raw_json() {
 }
 
 #[test]
+fn a_replay_shows_parameters_over_time_and_ends_where_the_solver_does() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().to_str().unwrap().to_owned();
+    json(&["run", "examples/pioneer.toml", "--quick", "--out", &out]);
+    let recording = folder.path().join("recording.csv");
+    let (recording, replay) = (recording.to_str().unwrap(), folder.path().join("replay"));
+    let online = json(&["identify", "--online", recording, "--quick", "--out", replay.to_str().unwrap()]);
+    let solved = json(&["identify", recording, "--quick", "--solver", "recursive"]);
+    assert_eq!(online["parameters"], solved["parameters"]);
+    assert!(solved["online"].is_null());
+    let theta1 = &online["online"]["parameters"][0];
+    assert_eq!(theta1["value"].as_array().unwrap().last().unwrap(), &online["parameters"][0]["value"]);
+    assert_eq!(theta1["value"].as_array().unwrap().len(), online["online"]["t"].as_array().unwrap().len());
+    let samples = online["online"]["samples"].as_u64().unwrap() as usize;
+    assert_eq!(std::fs::read_to_string(replay.join("online.csv")).unwrap().lines().count(), samples + 1);
+    assert!(std::fs::read_to_string(replay.join("report.html")).unwrap().contains("Estimates over time"));
+
+    let forgetting = json(&["identify", "--online", recording, "--quick", "--set", "solver.memory_s=20"]);
+    assert_eq!(forgetting["online"]["memory_s"], 20.0);
+    assert_ne!(forgetting["parameters"], online["parameters"]);
+    for wrong in [vec!["--solver", "ols"], vec!["--set", "solver.memory_s=-1"], vec!["--set", "solver.memry=1"]] {
+        let output = wheelwright(&[&["identify", "--online", recording], wrong.as_slice()].concat());
+        assert_eq!(output.status.code(), Some(2), "{wrong:?}: {}", String::from_utf8_lossy(&output.stderr));
+    }
+}
+
+#[test]
 fn every_built_in_is_linked_and_listed() {
     let document = json(&["plugins"]);
     let names = |kind: &str| document[kind].as_array().unwrap().iter().map(|p| p["name"].as_str().unwrap().to_owned()).collect::<Vec<_>>();

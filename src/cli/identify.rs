@@ -4,14 +4,16 @@ use std::path::PathBuf;
 
 use clap::Args;
 use serde_json::Value;
+use wheelwright_core::identification::IdentifyError;
 
 use super::browser;
 use super::console::Console;
-use super::setup::{ReadArguments, Setup, StudyArguments, split};
+use super::setup::{RECURSIVE, ReadArguments, Setup, StudyArguments, split};
 use super::{Shared, page, text};
 use crate::documents;
 use crate::error::Error;
 use crate::model_file::ModelFile;
+use crate::online::Trace;
 use crate::output::{Folder, series_csv};
 use crate::study::{Findings, Study};
 
@@ -20,6 +22,9 @@ pub(super) struct Arguments {
     /// Recordings: files or bag folders; several are pooled
     #[arg(required = true, value_name = "RECORDING")]
     recordings: Vec<PathBuf>,
+    /// Replay them sample by sample through the recursive estimator, as on the robot: parameters over time with intervals
+    #[arg(long)]
+    online: bool,
     #[command(flatten)]
     study: StudyArguments,
     #[command(flatten)]
@@ -28,11 +33,23 @@ pub(super) struct Arguments {
 
 pub(super) fn run(arguments: &Arguments, shared: &Shared, console: &Console) -> Result<(), Error> {
     let setup = Setup::load(shared)?;
-    let study = setup.study(shared, &arguments.study, setup.read_options(&arguments.read)?)?;
+    let mut asked = arguments.study.clone();
+    if arguments.online {
+        if let Some(other) = asked.solver.filter(|solver| solver != RECURSIVE) {
+            return Err(Error::Usage(format!("--online runs the solver {RECURSIVE}, not {other}: leave --solver out")));
+        }
+        asked.solver = Some(RECURSIVE.to_owned());
+    }
+    let study = setup.study(shared, &asked, setup.read_options(&arguments.read)?)?;
     let folder = setup.folder(shared)?;
     let sources = study.open(&arguments.recordings)?;
     let validation = study.open(&setup.validation_paths(&arguments.study))?;
-    let findings = study.identify(&sources, &validation)?;
+    let mut findings = study.identify(&sources, &validation)?;
+    if arguments.online && findings.identification.is_ok() {
+        let settings = setup.recursive()?;
+        let trace = Trace::replay(&settings, &*study.model, &study.freedom.map, &findings.train).map_err(IdentifyError::from)?;
+        findings.online = Some(trace);
+    }
     conclude(&study, findings, folder.as_ref(), &arguments.study.require, shared, console)
 }
 
@@ -61,6 +78,9 @@ pub(super) fn conclude(
         folder.write("model.toml", &ModelFile::new(&study.model_table, study.robot.clone(), found).to_toml())?;
         let mut parts = vec![("train", &found.train)];
         parts.extend(found.held_out.as_ref().map(|v| ("validate", v)));
+        if let Some(trace) = &findings.online {
+            folder.write("online.csv", &trace.csv())?;
+        }
         let series = folder.write("simulated.csv", &series_csv(&findings.train, &parts))?;
         console.note(&format!("wrote {} beside result.json, model.toml and {}", folder.path("report.html").display(), series.display()));
     }

@@ -16,7 +16,9 @@ pub(super) fn study_page(study: &Study, findings: &Findings) -> String {
     let subtitle = format!("{} {done} {}", study.model.name(), study.solver.name());
     let facts =
         [("held out".to_owned(), format!("{} % of the samples", 100.0 * study.holdout)), ("seed".to_owned(), study.seed.to_string())];
-    report::html(&ReportInput {
+    let online = findings.online.as_ref().map(|trace| report::online::html(trace, &findings.train));
+    let sections: Vec<_> = online.into_iter().map(|body| ("online", "Estimates over time", body)).collect();
+    let input = ReportInput {
         title: &title,
         subtitle: &subtitle,
         command: &command_line(),
@@ -29,7 +31,8 @@ pub(super) fn study_page(study: &Study, findings: &Findings) -> String {
         evidence: &findings.evidence.sentences(),
         warnings: &findings.evidence.concerns(),
         facts: &facts,
-    })
+    };
+    report::html_with(&input, &sections)
 }
 
 fn file_name(path: &str) -> String {

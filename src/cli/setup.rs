@@ -4,10 +4,12 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 use toml::{Table, Value};
+use wheelwright_core::config as core_config;
 use wheelwright_core::excitation::Excitation;
 use wheelwright_core::profile::RobotProfile;
 use wheelwright_core::recording::{ColumnMap, ReadOptions};
 use wheelwright_core::robot::Live;
+use wheelwright_solvers::Recursive;
 
 use super::Shared;
 use crate::config::Config;
@@ -22,6 +24,8 @@ use crate::toml_file::TomlFile;
 const HOLDOUT: f64 = 0.3;
 const MODEL: &str = "vw-pd";
 const SOLVER: &str = "output-error";
+/// The solver that runs sample by sample.
+pub(super) const RECURSIVE: &str = "recursive";
 
 /// How recordings are read.
 #[derive(Debug, Clone, Default, Args)]
@@ -135,6 +139,13 @@ impl Setup {
         Ok(Study { evidence, model_table, model, model_about, freedom, solver, robot, read, holdout, seed: self.seed(shared) })
     }
 
+    /// Settings of the recursive estimator: the configuration's `[solver]` if it is one, else the defaults.
+    pub(super) fn recursive(&self) -> Result<Recursive, Error> {
+        let mut table = chosen(self.config.sections.solver.as_ref(), Some(RECURSIVE), RECURSIVE);
+        table.remove("type");
+        core_config::plain(table).map_err(|e| self.config.error_in("solver", e))
+    }
+
     /// Recordings that only validate: the options', or else the configuration's.
     pub(super) fn validation_paths(&self, arguments: &StudyArguments) -> Vec<PathBuf> {
         match arguments.validate.as_slice() {
@@ -173,7 +184,7 @@ fn profile(path: &Path) -> Result<RobotProfile, Error> {
 }
 
 /// A plugin's table: the configuration's, unless an option names another plugin.
-fn chosen(configured: Option<&Table>, option: Option<&str>, default: &str) -> Table {
+pub(super) fn chosen(configured: Option<&Table>, option: Option<&str>, default: &str) -> Table {
     let named = |name: &str| Table::from_iter([("type".to_owned(), Value::String(name.to_owned()))]);
     match (configured, option) {
         (Some(table), Some(name)) if table.get("type").and_then(Value::as_str) == Some(name) => table.clone(),

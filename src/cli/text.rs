@@ -33,6 +33,9 @@ pub(super) fn identification(findings: &Findings, found: &Identification) -> Str
         let _ = writeln!(text, "  ceiling      {}   (the best that any model could reach)", row(|c| c.fit));
         let _ = writeln!(text, "  NARX         {}   (a short black-box model)", row(|c| c.narx));
     }
+    if let Some(trace) = &findings.online {
+        let _ = writeln!(text, "\n{}", trace.statement());
+    }
     for sentence in findings.evidence.sentences() {
         let _ = writeln!(text, "\n{sentence}");
     }

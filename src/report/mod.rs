@@ -15,6 +15,7 @@ pub mod timeline;
 mod excitation;
 mod fit;
 mod headline;
+pub mod online;
 mod parameters;
 mod provenance;
 mod regression;
@@ -128,6 +129,14 @@ impl RecordingFacts {
 
 /// The page as text: the same bytes for the same input.
 pub fn html(input: &ReportInput<'_>) -> String {
+    html_with(input, &[])
+}
+
+/// A part of a page: anchor, heading and body, which is HTML.
+pub type Section<'a> = (&'a str, &'a str, String);
+
+/// The same with parts of its own after the parameters.
+pub fn html_with(input: &ReportInput<'_>, sections: &[Section<'_>]) -> String {
     let mut page = page::Page::new(input.title, input.subtitle);
     page.push(&headline::html(input));
     match input.outcome {
@@ -137,6 +146,7 @@ pub fn html(input: &ReportInput<'_>) -> String {
             }
             page.section("training", "Measured against simulated: training data", &fit::html(input.model, &found.train, "training"));
             page.section("parameters", "Parameters", &parameters::html(found));
+            sections.iter().for_each(|(anchor, heading, body)| page.section(anchor, heading, body));
             page.section("evidence", "How far to trust it", &provenance::evidence(input.evidence));
             page.section("regression", "Regression", &regression::html(input.model, &found.solution));
             page.section("spectra", "Spectra", &excitation::spectra(input.model, found));

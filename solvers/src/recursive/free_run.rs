@@ -20,6 +20,8 @@ use super::givens::Givens;
 const FIRST_LOOK: usize = 10;
 /// A move of the estimate by more than this many standard errors asks for rows about the new point.
 const FAR: f64 = 5.0;
+/// A move this small against the parameter leaves the linearisation as good as it was, whatever the standard error.
+const SLIGHT: f64 = 1e-4;
 /// Share of an error's variance that its own past may foretell. Beyond it is no noise but the trace of what the model lacks.
 const FORETOLD: f64 = 0.95;
 /// An error this small against the largest output does not matter, whatever it is.
@@ -274,7 +276,7 @@ impl<'a> FreeRun<'a> {
         let mut far = false;
         for k in 0..free {
             let deviation = (variance * self.triangle.variance(|j| f64::from(u8::from(j == k)), &mut self.scratch)).sqrt();
-            far |= (self.z[k] - self.point[k]).abs() > FAR * deviation + LEAST_OFFSET * self.point[k].abs();
+            far |= (self.z[k] - self.point[k]).abs() > FAR * deviation + SLIGHT * self.point[k].abs();
             self.row[k] = deviation;
         }
         self.scratch[..free].copy_from_slice(&self.row[..free]);
