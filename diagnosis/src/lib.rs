@@ -5,3 +5,20 @@
 
 pub mod effects;
 pub mod finding;
+pub mod fit;
+pub mod noise;
+mod question;
+pub mod residuals;
+
+pub use finding::{Diagnosis, Verdict};
+pub use fit::Fitted;
+pub use question::{DiagnosisError, Question};
+pub use residuals::{Flag, Residuals, Series};
+
+/// Diagnoses.
+///
+/// # Errors
+/// [`DiagnosisError`]: what makes an answer impossible, with numbers.
+pub fn diagnose(question: &Question<'_>) -> Result<Diagnosis, DiagnosisError> {
+    Err(DiagnosisError::NoStart(format!("`{}`: the search is still being built", question.model.name())))
+}

@@ -1,0 +1,69 @@
+//! What is left between a recording and its simulations, as plain arrays: what every test without a library works on.
+
+use wheelwright_core::{Dataset, RegressorModel};
+
+use crate::noise::Noise;
+
+/// Values by stretch, output, row.
+pub type Series = Vec<Vec<Vec<f64>>>;
+
+/// A recording beside its simulations, and the law of the noise.
+#[derive(Debug, Clone)]
+pub struct Residuals<'a> {
+    /// The model.
+    pub model: &'a dyn RegressorModel,
+    /// Recording.
+    pub data: &'a Dataset,
+    /// Parameters of the base fit.
+    pub theta_base: Vec<f64>,
+    /// Parameters of the final fit.
+    pub theta_final: Vec<f64>,
+    /// Free run of the base model, initial outputs fitted.
+    pub base: Series,
+    /// Free run of the final model; equal to `base` where no effect was found.
+    pub last: Series,
+    /// Law of the noise, estimated from what no effect of the library could explain.
+    pub noise: Noise,
+    /// Directions in which the final fit was free: raw responses (not whitened) of the outputs to each free parameter. A test of what is
+    /// left must not count what a refit would take.
+    pub jacobian: Vec<Series>,
+    /// Half the track width used \[m\]; not a number without wheels.
+    pub half_track: f64,
+}
+
+impl Residuals<'_> {
+    /// Recording minus a simulation.
+    pub fn of(&self, simulated: &Series) -> Series {
+        let row = |y: &Vec<f64>, s: &Vec<f64>| y.iter().zip(s).map(|(y, s)| y - s).collect::<Vec<f64>>();
+        let stretch = |d: &wheelwright_core::Stretch, s: &Vec<Vec<f64>>| d.outputs.iter().zip(s).map(|(y, s)| row(y, s)).collect();
+        self.data.stretches.iter().zip(simulated).map(|(d, s)| stretch(d, s)).collect()
+    }
+
+    /// What the base model leaves.
+    pub fn before(&self) -> Series {
+        self.of(&self.base)
+    }
+
+    /// What the final model leaves.
+    pub fn after(&self) -> Series {
+        self.of(&self.last)
+    }
+}
+
+/// What a test without a library found in the final residual. `decide` weighs these.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Flag {
+    /// Which test: `input-driven structure`, `bursts`, `wheel-order line`, `variance against acceleration`, `value lattice`.
+    pub test: &'static str,
+    /// Its statistic.
+    pub value: f64,
+    /// The value above which it speaks.
+    pub threshold: f64,
+    /// Share of what was to be explained that is still in the residual by this test, 0 to 1: twice a log-likelihood beside that
+    /// which the named effects gained. `None` where the test speaks of noise and not of motion.
+    pub left_over: Option<f64>,
+    /// What it means, in a sentence.
+    pub statement: String,
+    /// The effect of the library whose mark this is (`timestamp_jitter`, `encoder_quantisation`), and values of its parameters.
+    pub effect: Option<(String, Vec<f64>)>,
+}
