@@ -206,8 +206,9 @@ pub trait Effect: Debug + Send + Sync {
         state.fill(0.0);
     }
 
-    /// The next time after `time` at which the effect switches by itself, so that no step spans it. Infinite if never.
-    fn next_switch(&self, _p: &[f64], _at: &Instant<'_>) -> f64 {
+    /// The next time after `time` at which the effect switches by itself, so that no step spans it. Infinite if never. The
+    /// state is the one after the command has arrived.
+    fn next_switch(&self, _p: &[f64], _at: &Instant<'_>, _state: &[f64]) -> f64 {
         f64::INFINITY
     }
 
@@ -225,7 +226,7 @@ pub trait Effect: Debug + Send + Sync {
     /// Loads and drive effects with state: lets `at.span` seconds pass up to `at.time`, at `outputs` and `drive`.
     fn advance(&self, _p: &[f64], _at: &Instant<'_>, _outputs: &[f64], _drive: &[f64], _state: &mut [f64]) {}
 
-    /// Sensor effects: changes the outputs that are recorded at a sample. `past(t, out)` writes the true outputs at an
-    /// earlier time of the stretch.
-    fn measure(&self, _p: &[f64], _at: &Instant<'_>, _past: &dyn Fn(f64, &mut [f64]), _outputs: &mut [f64]) {}
+    /// Sensor effects: changes the outputs that are recorded at a sample, once a sample in their order, the first included.
+    /// `past(t, out)` writes the true outputs at an earlier time of the stretch; before it, its first.
+    fn measure(&self, _p: &[f64], _at: &Instant<'_>, _past: &dyn Fn(f64, &mut [f64]), _state: &mut [f64], _outputs: &mut [f64]) {}
 }

@@ -1,5 +1,6 @@
 //! What an effect may know of a recording: its scales, where a robot was heading, how far its wheels had come.
 
+use crate::channel::Channel;
 use crate::dataset::{Dataset, Stretch};
 use crate::model::RegressorModel;
 
@@ -14,6 +15,11 @@ pub struct Scales {
     pub largest: Vec<f64>,
     /// Root mean square of each output.
     pub outputs: Vec<f64>,
+    /// Root mean square of the wheels' commands, left and right together, in the unit of a wheel's command; of all inputs
+    /// without wheels.
+    pub command: f64,
+    /// Largest magnitude of a wheel's command.
+    pub largest_command: f64,
     /// Root mean square of the wheels' ground speeds, left and right together \[m/s\]; of all outputs without wheels.
     pub speed: f64,
     /// First and last time of the recording \[s\].
@@ -37,6 +43,10 @@ pub struct Track {
 pub struct Scene {
     /// How channels are motion.
     pub frame: Frame,
+    /// The model's input channels.
+    pub inputs: Vec<Channel>,
+    /// The model's output channels.
+    pub outputs: Vec<Channel>,
     /// Radius of the wheels \[m\], if known.
     pub wheel_radius: Option<f64>,
     /// Typical sizes.
@@ -57,7 +67,8 @@ impl Scene {
     ) -> Self {
         let frame = Frame::of(model, track_width);
         let scales = scales(data, frame);
-        let mut scene = Self { frame, wheel_radius, scales, tracks: Vec::new() };
+        let (inputs, outputs) = (model.inputs().to_vec(), model.outputs().to_vec());
+        let mut scene = Self { frame, inputs, outputs, wheel_radius, scales, tracks: Vec::new() };
         scene.tracks = scene.tracks_of(data, headings);
         scene
     }
@@ -102,11 +113,15 @@ fn scales(data: &Dataset, frame: Frame) -> Scales {
         if rms > 0.0 { rms } else { 1.0 }
     };
     let of = |pick: fn(&Stretch) -> &Vec<Vec<f64>>, i: usize| data.stretches.iter().flat_map(move |s| pick(s)[i].iter().copied());
-    let speed = if frame.has_wheels() {
-        rms(&mut data.stretches.iter().flat_map(|s| (0..s.len()).flat_map(move |k| frame.wheels(&[s.outputs[0][k], s.outputs[1][k]]))))
-    } else {
-        rms(&mut data.stretches.iter().flat_map(|s| s.outputs.iter().flatten().copied()))
+    let wheels = |pick: fn(&Stretch) -> &Vec<Vec<f64>>| -> Vec<f64> {
+        let columns = data.stretches.iter().map(pick);
+        if frame.has_wheels() {
+            columns.flat_map(|c| c[0].iter().zip(&c[1]).flat_map(|(a, b)| frame.wheels(&[*a, *b]))).collect()
+        } else {
+            columns.flat_map(|c| c.iter().flatten().copied()).collect()
+        }
     };
+    let commands = wheels(|s| &s.inputs);
     let largest = |i: usize| of(|s| &s.inputs, i).fold(0.0_f64, |m, x| m.max(x.abs()));
     let first = data.stretches.iter().map(|s| s.time[0]).fold(f64::INFINITY, f64::min);
     let last = data.stretches.iter().map(|s| s.time[s.len() - 1]).fold(f64::NEG_INFINITY, f64::max);
@@ -114,7 +129,9 @@ fn scales(data: &Dataset, frame: Frame) -> Scales {
         inputs: (0..data.inputs.len()).map(|i| rms(&mut of(|s| &s.inputs, i))).collect(),
         largest: (0..data.inputs.len()).map(largest).collect(),
         outputs: (0..data.outputs.len()).map(|i| rms(&mut of(|s| &s.outputs, i))).collect(),
-        speed,
+        command: rms(&mut commands.iter().copied()),
+        largest_command: commands.iter().fold(0.0, |m, x| x.abs().max(m)),
+        speed: rms(&mut wheels(|s| &s.outputs).into_iter()),
         time: (first, last),
         period: data.period(),
     }

@@ -317,7 +317,7 @@ impl<'a> EffectSimulator<'a> {
 
     /// Writes what is recorded now: appends, or replaces the first value.
     fn record(&mut self, at: &Instant<'_>, interval: f64, simulated: &mut [Vec<f64>], first: bool) {
-        let Self { body, trace, effects, .. } = self;
+        let Self { body, trace, effects, state, .. } = self;
         let seen = &mut body.next;
         if self.readout == Readout::IntervalMean && !first {
             seen.iter_mut().zip(&body.travelled).for_each(|(s, d)| *s = d / interval);
@@ -331,7 +331,7 @@ impl<'a> EffectSimulator<'a> {
             let trace = &*trace;
             let past = |time: f64, out: &mut [f64]| trace.at(time, out);
             for slot in effects.iter().filter(|s| s.stage == Stage::Sensor) {
-                slot.effect.measure(&slot.values, at, &past, seen);
+                slot.effect.measure(&slot.values, at, &past, &mut state[slot.states.clone()], seen);
             }
         }
         for (out, value) in simulated.iter_mut().zip(seen.iter()) {
@@ -367,12 +367,13 @@ impl<'a> EffectSimulator<'a> {
         let mut worst: f64 = 0.0;
         while end - time > tolerance {
             let at = Instant { time, span: 0.0, row: k, stretch, track, scene: self.scene };
-            let switch = self.effects.iter().map(|s| s.effect.next_switch(&s.values, &at)).fold(end, f64::min);
-            let until = if switch > time + tolerance && end - switch > tolerance { switch } else { end };
+            self.arrive(&at);
+            let switches = self.effects.iter().map(|s| s.effect.next_switch(&s.values, &at, &self.state[s.states.clone()]));
+            let switch = switches.filter(|t| *t > time + tolerance).fold(end, f64::min);
+            let until = if end - switch > tolerance { switch } else { end };
             // Where effects switch often they change fast: short pieces are refined as well when all are.
             let count = ((until - time) / longest - 1e-6).ceil().max(substeps.div_ceil(2) as f64);
             let step = (until - time) / count;
-            self.arrive(&at);
             for i in 0..count as usize {
                 let at = Instant { time: time + i as f64 * step, ..at };
                 worst = worst.max(self.step(&at, step)?);

@@ -66,7 +66,7 @@ impl Effect for ActuatorLag {
     }
 
     /// Steps are short while the filter runs after a new command.
-    fn next_switch(&self, p: &[f64], at: &Instant<'_>) -> f64 {
+    fn next_switch(&self, p: &[f64], at: &Instant<'_>, _state: &[f64]) -> f64 {
         let since = |share: f64| at.stretch.time[at.row] + share * p[0];
         [1.0, 3.0, 7.0].into_iter().map(since).find(|t| *t > at.time + 1e-3 * p[0]).unwrap_or(f64::INFINITY)
     }

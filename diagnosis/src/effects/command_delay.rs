@@ -57,7 +57,7 @@ impl Effect for CommandDelay {
         }]
     }
 
-    fn next_switch(&self, p: &[f64], at: &Instant<'_>) -> f64 {
+    fn next_switch(&self, p: &[f64], at: &Instant<'_>, _state: &[f64]) -> f64 {
         let row = at.row_at(at.time - p[0]);
         at.stretch.time.get(row + 1).map_or(f64::INFINITY, |next| next + p[0])
     }
