@@ -3,9 +3,14 @@
 //! One idea: every candidate explanation is simulated freely, refitted jointly with the base model's parameters, and judged by
 //! what it gains beyond what chance would, on the data at hand and on data kept away from it.
 
+pub mod adequacy;
+pub mod comparison;
 pub mod effects;
 pub mod finding;
 pub mod fit;
+#[cfg(test)]
+mod fixture;
+pub mod locate;
 pub mod noise;
 mod question;
 pub mod residuals;

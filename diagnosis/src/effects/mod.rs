@@ -13,6 +13,8 @@ mod words;
 
 use wheelwright_core::Effect;
 
+pub(crate) use words::digits;
+
 pub use actuator_lag::ActuatorLag;
 pub use command_delay::CommandDelay;
 pub use coulomb_friction::CoulombFriction;

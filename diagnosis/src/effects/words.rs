@@ -12,7 +12,7 @@ pub(super) fn quantity(estimate: Estimate, unit: &str) -> String {
 }
 
 /// Three significant digits.
-pub(super) fn digits(value: f64) -> String {
+pub(crate) fn digits(value: f64) -> String {
     if value == 0.0 || !value.is_finite() {
         return format!("{value}");
     }

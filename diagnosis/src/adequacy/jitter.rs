@@ -1,0 +1,95 @@
+//! Jitter of stamps: noise that grows with acceleration.
+//!
+//! A stamp that is wrong by ε moves a sample along the curve, y(t + ε) = y(t) + ẏ ε, so the residual's variance is s0² + σt² ẏ².
+
+use crate::comparison::Comparison;
+
+use super::bursts::FALSE_ALARM;
+
+/// Squared innovations are cut here, so that single outliers decide nothing.
+const CUT: f64 = 9.0;
+
+/// Stamps that jitter.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Jitter {
+    /// Standard deviation of the stamps \[s\].
+    pub deviation: f64,
+    /// Standard error of it \[s\].
+    pub error: f64,
+    /// Correlation of squared innovations and squared slope, in standard errors.
+    pub z: f64,
+}
+
+pub(super) fn find(comparison: &Comparison<'_>) -> Option<Jitter> {
+    let mut z = Vec::new();
+    let (mut squares, mut slopes) = (Vec::new(), Vec::new());
+    for output in 0..comparison.outputs() {
+        let slope: Vec<f64> = slopes_of(comparison, output).iter().map(|d| d * d).collect();
+        let white: Vec<f64> = comparison.innovations(output).iter().map(|r| (r * r).min(CUT)).collect();
+        z.push(correlation(&white, &slope) * (white.len() as f64).sqrt());
+        let noise = comparison.noise[output];
+        let residual = comparison
+            .data
+            .stretches
+            .iter()
+            .zip(comparison.model)
+            .flat_map(|(s, run)| s.outputs[output].iter().zip(&run[output]).map(|(y, m)| y - m));
+        // Both outputs speak of the same stamps: in units of their own noise they are one series.
+        squares.extend(residual.map(|r| (r / noise).powi(2)));
+        slopes.extend(slope.iter().map(|s| s / (noise * noise)));
+    }
+    let combined = z.iter().sum::<f64>() / (z.len() as f64).sqrt();
+    let limit = statrs::distribution::ContinuousCDF::inverse_cdf(&statrs::distribution::Normal::standard(), 1.0 - FALSE_ALARM);
+    if combined < limit || z.iter().any(|z| *z < 0.0) {
+        return None;
+    }
+    let (variance, error) = growth(&squares, &slopes)?;
+    (variance > 2.0 * error).then(|| Jitter { deviation: variance.sqrt(), error: error / (2.0 * variance.sqrt()), z: combined })
+}
+
+/// Weighted regression of squares on slopes: variance a + b x has errors proportional to itself. (b, standard error)
+fn growth(squares: &[f64], slopes: &[f64]) -> Option<(f64, f64)> {
+    let (mut a, mut b, mut error) = (1.0, 0.0, f64::INFINITY);
+    for _ in 0..20 {
+        let (mut s, mut sx, mut sxx, mut sy, mut sxy) = (0.0, 0.0, 0.0, 0.0, 0.0);
+        for (y, x) in squares.iter().zip(slopes) {
+            let variance: f64 = a + b * x;
+            let w = 1.0 / (2.0 * variance * variance);
+            let y = y.min(CUT * variance);
+            s += w;
+            sx += w * x;
+            sxx += w * x * x;
+            sy += w * y;
+            sxy += w * x * y;
+        }
+        let determinant = s * sxx - sx * sx;
+        if determinant <= 0.0 {
+            return None;
+        }
+        a = ((sxx * sy - sx * sxy) / determinant).max(1e-3);
+        b = ((s * sxy - sx * sy) / determinant).max(0.0);
+        error = (s / determinant).sqrt();
+    }
+    Some((b, error))
+}
+
+/// Slope of the simulated output, by central differences within stretches.
+fn slopes_of(comparison: &Comparison<'_>, output: usize) -> Vec<f64> {
+    let mut all = Vec::new();
+    for (stretch, run) in comparison.data.stretches.iter().zip(comparison.model) {
+        all.extend(super::slope(&stretch.time, &run[output]));
+    }
+    all
+}
+
+fn correlation(a: &[f64], b: &[f64]) -> f64 {
+    let n = a.len() as f64;
+    let (ma, mb) = (a.iter().sum::<f64>() / n, b.iter().sum::<f64>() / n);
+    let (mut ab, mut aa, mut bb) = (0.0, 0.0, 0.0);
+    for (x, y) in a.iter().zip(b) {
+        ab += (x - ma) * (y - mb);
+        aa += (x - ma).powi(2);
+        bb += (y - mb).powi(2);
+    }
+    if aa > 0.0 && bb > 0.0 { ab / (aa * bb).sqrt() } else { 0.0 }
+}

@@ -1,0 +1,85 @@
+//! Whether a model is adequate, asked without any library: five tests of what it leaves over.
+//!
+//! A library always finds something to name. These tests know no effect; they say whether anything is left, and where to look.
+
+mod bursts;
+mod jitter;
+mod lattice;
+mod orders;
+pub mod structure;
+
+pub use bursts::Burst;
+pub use jitter::Jitter;
+pub use lattice::Lattice;
+pub use orders::OrderLine;
+pub use structure::Structure;
+
+use crate::comparison::Comparison;
+
+/// What the five tests found.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Adequacy {
+    /// Anything that depends on what was going on.
+    pub structure: Structure,
+    /// Times with more than their share.
+    pub bursts: Vec<Burst>,
+    /// What returns with a wheel's turn.
+    pub order: Option<OrderLine>,
+    /// Noise that grows with acceleration.
+    pub jitter: Option<Jitter>,
+    /// Outputs that are multiples of a quantum.
+    pub lattices: Vec<Lattice>,
+}
+
+/// Runs the tests. The same seed gives the same answer.
+pub fn examine(comparison: &Comparison<'_>, seed: u64) -> Adequacy {
+    Adequacy {
+        structure: structure::measure(comparison),
+        bursts: bursts::find(comparison, seed),
+        order: orders::find(comparison),
+        jitter: jitter::find(comparison),
+        lattices: lattice::find(comparison),
+    }
+}
+
+impl Adequacy {
+    /// A sentence for every test that found something.
+    pub fn sentences(&self, comparison: &Comparison<'_>) -> Vec<String> {
+        let mut all = Vec::new();
+        let name = |output: usize| comparison.data.outputs[output].name.clone();
+        if self.structure.significant() {
+            let Structure { z, of, output, .. } = &self.structure;
+            all.push(format!("what is left of {} depends on {of} ({z:.0} standard deviations beyond chance)", name(*output)));
+        }
+        for burst in &self.bursts {
+            all.push(format!("between {:.1} s and {:.1} s more is left than at other times", burst.time.0, burst.time.1));
+        }
+        if let Some(OrderLine { wheel, order, kinematic, .. }) = &self.order {
+            let side = ["left", "right"][*wheel];
+            let kind = if *kinematic { "grows with speed: geometry" } else { "does not grow with speed: a torque" };
+            all.push(format!("something returns {order:.2} times per turn of the {side} wheel and {kind}"));
+        }
+        if let Some(jitter) = &self.jitter {
+            all.push(format!("the noise grows with acceleration as if stamps jittered by {:.1} ms", 1e3 * jitter.deviation));
+        }
+        for lattice in &self.lattices {
+            let unit = &comparison.data.outputs[lattice.output].unit;
+            all.push(format!("values of {} are multiples of {:.3e} {unit}", name(lattice.output), lattice.quantum));
+        }
+        all
+    }
+}
+
+/// Slope of a series, by central differences.
+pub(crate) fn slope(time: &[f64], series: &[f64]) -> Vec<f64> {
+    let n = series.len();
+    (0..n)
+        .map(|k| {
+            let (a, b) = (k.saturating_sub(1), (k + 1).min(n - 1));
+            if time[b] > time[a] { (series[b] - series[a]) / (time[b] - time[a]) } else { 0.0 }
+        })
+        .collect()
+}
+
+#[cfg(test)]
+mod tests;

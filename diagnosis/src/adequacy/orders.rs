@@ -1,0 +1,97 @@
+//! Lines in wheel angle: what returns with every turn of a wheel is in the wheel, its gear or its encoder.
+//!
+//! The innovations' periodogram is taken over wheel angle instead of time, with constant weight (a force, a torque ripple) and
+//! with weight proportional to speed (geometry). Broad low-order structure raises neighbouring orders as well; a line does not.
+
+use crate::comparison::Comparison;
+
+use super::bursts::FALSE_ALARM;
+
+/// Orders searched: below, a slow wander looks like a line; above, sampling rarely sees any.
+const ORDERS: (f64, f64) = (0.5, 12.5);
+/// A line stands out from its neighbourhood by this factor.
+const CONTRAST: f64 = 4.0;
+/// Orders to either side that count as neighbourhood, as a share of the order.
+const NEIGHBOURHOOD: f64 = 0.25;
+/// Most orders looked at: over many turns the grid is as fine as this allows.
+const MOST: usize = 1200;
+
+/// A line of the residual at a multiple of a wheel's turning.
+#[derive(Debug, Clone, PartialEq)]
+pub struct OrderLine {
+    /// 0 left, 1 right.
+    pub wheel: usize,
+    /// Cycles per turn of the wheel.
+    pub order: f64,
+    /// Power: twice a log-likelihood ratio, of two degrees of freedom by chance.
+    pub power: f64,
+    /// True if the amplitude grows with speed, as geometry does; false if it does not, as a force does.
+    pub kinematic: bool,
+}
+
+/// The strongest line, if there is one.
+pub(super) fn find(comparison: &Comparison<'_>) -> Option<OrderLine> {
+    let radius = comparison.scene.wheel_radius.filter(|_| comparison.scene.frame.has_wheels())?;
+    let mut best: Option<OrderLine> = None;
+    for wheel in 0..2 {
+        let angle: Vec<f64> = comparison.scene.tracks.iter().flat_map(|t| t.distance[wheel].iter().map(|d| d / radius)).collect();
+        let speed: Vec<f64> = comparison
+            .model
+            .iter()
+            .flat_map(|run| (0..run[0].len()).map(|k| comparison.scene.frame.wheels(&[run[0][k], run[1][k]])[wheel]))
+            .collect();
+        let turns = angle.windows(2).map(|w| (w[1] - w[0]).abs()).sum::<f64>() / std::f64::consts::TAU;
+        if turns < 3.0 {
+            continue;
+        }
+        let count = (((ORDERS.1 - ORDERS.0) * turns) as usize).clamp(32, MOST);
+        let step = (ORDERS.1 - ORDERS.0) / count as f64;
+        for kinematic in [false, true] {
+            let power = powers(comparison, &angle, kinematic.then_some(&speed), step, count);
+            let Some(line) = strongest(&power, step, wheel, kinematic, 8 * count) else { continue };
+            if best.as_ref().is_none_or(|b| line.power > b.power) {
+                best = Some(line);
+            }
+        }
+    }
+    best
+}
+
+/// Power at each order, the largest over the outputs.
+fn powers(comparison: &Comparison<'_>, angle: &[f64], weight: Option<&Vec<f64>>, step: f64, count: usize) -> Vec<f64> {
+    let innovations: Vec<Vec<f64>> = (0..comparison.outputs()).map(|i| comparison.innovations(i)).collect();
+    let weighted: Vec<Vec<f64>> =
+        innovations.iter().map(|r| r.iter().enumerate().map(|(k, r)| r * weight.map_or(1.0, |w| w[k])).collect()).collect();
+    let norm = weight.map_or(angle.len() as f64, |w| w.iter().map(|x| x * x).sum::<f64>()) / 2.0;
+    // e^{ikφ} is carried from one order to the next by one product.
+    let mut phase: Vec<(f64, f64)> = angle.iter().map(|a| (ORDERS.0 * a).sin_cos()).collect();
+    let turn: Vec<(f64, f64)> = angle.iter().map(|a| (step * a).sin_cos()).collect();
+    let mut all = Vec::with_capacity(count);
+    for _ in 0..count {
+        let mut largest: f64 = 0.0;
+        for series in &weighted {
+            let (s, c) = series.iter().zip(&phase).fold((0.0, 0.0), |(s, c), (r, p)| (s + r * p.0, c + r * p.1));
+            largest = largest.max((s * s + c * c) / norm.max(f64::MIN_POSITIVE));
+        }
+        all.push(largest);
+        for (p, t) in phase.iter_mut().zip(&turn) {
+            *p = (p.0 * t.1 + p.1 * t.0, p.1 * t.1 - p.0 * t.0);
+        }
+    }
+    all
+}
+
+fn strongest(power: &[f64], step: f64, wheel: usize, kinematic: bool, looks: usize) -> Option<OrderLine> {
+    let (at, &largest) = power.iter().enumerate().max_by(|a, b| a.1.total_cmp(b.1))?;
+    let order = ORDERS.0 + at as f64 * step;
+    // A peak at the lowest orders is a wander, whatever its height.
+    if order < 0.9 || largest < -2.0 * (FALSE_ALARM / looks as f64).ln() {
+        return None;
+    }
+    let reach = ((NEIGHBOURHOOD * order / step) as usize).max(6);
+    let mut near: Vec<f64> =
+        (at.saturating_sub(reach)..(at + reach + 1).min(power.len())).filter(|k| k.abs_diff(at) > 2).map(|k| power[k]).collect();
+    near.sort_by(f64::total_cmp);
+    let usual = near.get(near.len() * 9 / 10).copied().unwrap_or(0.0);
+    (largest > CONTRAST * usual).then_some(OrderLine { wheel, order, power: largest, kinematic })
+}

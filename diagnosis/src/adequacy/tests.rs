@@ -1,0 +1,114 @@
+use super::*;
+use crate::fixture::{Case, NOISE, RADIUS, TRACK, normal};
+
+#[test]
+fn clean_recordings_raise_no_alarm() {
+    let (mut largest, mut sum) = (f64::NEG_INFINITY, 0.0);
+    for seed in 0..40 {
+        let found = Case::clean(seed).compare(None, |c| examine(c, seed));
+        largest = largest.max(found.structure.z);
+        sum += found.structure.z;
+        assert!(
+            found.bursts.is_empty() && found.order.is_none() && found.jitter.is_none() && found.lattices.is_empty(),
+            "{seed}: {found:?}"
+        );
+    }
+    // z has mean zero and, T being nearly chi-square, deviation one.
+    assert!(largest < 4.0 && (sum / 40.0).abs() < 0.5, "largest {largest}, mean {}", sum / 40.0);
+}
+
+#[test]
+fn heavy_tails_raise_no_alarm() {
+    for seed in 0..20 {
+        // Student's t with three degrees of freedom, of unit variance.
+        let case = Case::new(seed, |_, i, y, _, random| {
+            let chi: f64 = (0..3).map(|_| normal(random).powi(2)).sum();
+            y + NOISE[i] * normal(random) / (chi / 3.0).sqrt() / 3.0_f64.sqrt()
+        });
+        let found = case.compare(None, |c| examine(c, seed));
+        assert!(
+            !found.structure.significant() && found.bursts.is_empty() && found.order.is_none() && found.lattices.is_empty(),
+            "{seed}: {found:?}"
+        );
+    }
+}
+
+#[test]
+fn friction_that_was_left_out_is_structure_of_signs() {
+    let case = Case::new(1, |_, i, y, _, random| y + NOISE[i] * normal(random) - if i == 0 { 0.01 * (y / 0.005).tanh() } else { 0.0 });
+    let found = case.compare(None, |c| examine(c, 1)).structure;
+    assert!(found.significant() && found.output == 0 && found.of.contains("sign"), "{found:?}");
+}
+
+#[test]
+fn a_push_is_a_burst_at_its_time() {
+    let case = Case::new(2, |t, i, y, _, random| y + NOISE[i] * normal(random) + if (30.0..31.5).contains(&t) { 0.02 } else { 0.0 });
+    let bursts = case.compare(None, |c| examine(c, 2)).bursts;
+    assert!(bursts.iter().any(|b| b.time.0 >= 29.0 && b.time.1 <= 33.0), "{bursts:?}");
+    assert!(bursts.iter().all(|b| b.time.1 > 29.0 && b.time.0 < 33.0), "{bursts:?}");
+}
+
+#[test]
+fn a_cogging_gear_is_a_line_at_its_order() {
+    let mut angle = [0.0; 2];
+    let mut speeds = [0.0; 2];
+    let mut seen = f64::NAN;
+    let plain = Case::clean(3);
+    // Angle of the right wheel along the true course.
+    let right: Vec<f64> =
+        plain.truth.iter().flat_map(|run| (0..run[0].len()).map(|k| run[0][k] + 0.5 * TRACK * run[1][k]).collect::<Vec<_>>()).collect();
+    let mut row = 0;
+    let case = Case::new(3, |t, i, y, _, random| {
+        if i == 0 {
+            if t != seen {
+                angle[1] += 0.05 * right[row % right.len()] / RADIUS;
+                speeds[1] = right[row % right.len()];
+                row += 1;
+                seen = t;
+            }
+            return y + NOISE[0] * normal(random) + 0.004 * (7.0 * angle[1]).sin();
+        }
+        y + NOISE[i] * normal(random)
+    });
+    let line = case.compare(None, |c| examine(c, 3)).order.unwrap();
+    assert!(line.wheel == 1 && (line.order - 7.0).abs() < 0.05 && !line.kinematic, "{line:?}");
+}
+
+#[test]
+fn jittering_stamps_show_their_jitter() {
+    let mut hits = 0;
+    for seed in 0..10 {
+        let case = Case::new(seed, |_, i, y, slope, random| y + NOISE[i] * normal(random) + 0.015 * slope * normal(random));
+        if let Some(jitter) = case.compare(None, |c| examine(c, seed)).jitter {
+            hits += usize::from((jitter.deviation - 0.015).abs() < 3.0 * jitter.error);
+        }
+    }
+    assert!(hits >= 9, "{hits} of 10");
+}
+
+#[test]
+fn counts_are_a_lattice_and_its_quantum_is_found() {
+    let quantum = 0.012;
+    let mut case =
+        Case::new(
+            5,
+            |_, i, y, _, random| {
+                if i == 0 { ((y + 0.001 * normal(random)) / quantum).round() * quantum } else { y + NOISE[1] * normal(random) }
+            },
+        );
+    case.noise = [quantum * 0.3, NOISE[1]];
+    let lattices = case.compare(None, |c| examine(c, 5)).lattices;
+    assert!(lattices.len() == 1 && lattices[0].output == 0, "{lattices:?}");
+    let ratio = quantum / lattices[0].quantum;
+    assert!((ratio - ratio.round()).abs() < 0.01 && lattices[0].coherence > 0.9, "{lattices:?}");
+}
+
+#[test]
+fn steady_speeds_are_no_lattice() {
+    // All speeds multiples of 0.05 m/s with little noise: clusters, but of the commands.
+    for seed in 0..10 {
+        let case = Case::new(seed, |_, i, y, _, random| (y / 0.05).round() * 0.05 + NOISE[i] * normal(random));
+        let lattices = case.compare(None, |c| examine(c, seed)).lattices;
+        assert!(lattices.is_empty(), "{seed}: {lattices:?}");
+    }
+}

@@ -1,0 +1,80 @@
+//! When: seconds that hold more than noise, and times from which on the misfit is another one.
+
+use crate::comparison::{Comparison, blocks};
+use crate::finding::ChangePoint;
+
+use super::Excess;
+
+/// An effect acts in a second in which it moves an output by this many standard deviations of the noise of one sample, root mean square
+/// over outputs: enough to be seen in the average over a second.
+const ACTS: f64 = 1.0;
+/// Blocks on either side that a change must have.
+const EDGE: usize = 5;
+/// Twice the log-likelihood ratio by which a change must improve on none, beyond its penalty: chance of a false alarm 1e-3 over about
+/// a hundred independent places.
+const DISTINCT: f64 = 23.0;
+/// Fall of twice the log-likelihood that bounds the 95 % interval.
+const WITHIN: f64 = 3.84;
+
+/// Stretches of time that hold more than noise: seconds in which effects act, or else seconds whose energy noise does not explain.
+pub(super) fn intervals(comparison: &Comparison<'_>, excess: &Excess) -> Vec<(f64, f64)> {
+    let mut intervals: Vec<(f64, f64)> = Vec::new();
+    for (s, rows) in blocks(comparison.data, 1.0) {
+        let n = rows.len() as f64;
+        let sum: f64 = rows.clone().map(|k| excess.at(s, k)).sum();
+        let outputs = comparison.outputs() as f64;
+        let acts = if excess.exact { sum > ACTS * ACTS * n } else { sum > 3.0 * (2.0 * n * outputs).sqrt() };
+        if !acts {
+            continue;
+        }
+        let time = &comparison.data.stretches[s].time;
+        let (from, to) = (time[rows.start], time[rows.end.min(time.len() - 1)]);
+        match intervals.last_mut() {
+            Some(last) if (from - last.1).abs() < 1e-9 => last.1 = to,
+            _ => intervals.push((from, to)),
+        }
+    }
+    intervals
+}
+
+/// A time at which the energy of the base model's misfit changes for good.
+pub(super) fn changes(comparison: &Comparison<'_>) -> Vec<ChangePoint> {
+    let blocks = blocks(comparison.data, 1.0);
+    let energy: Vec<f64> = blocks
+        .iter()
+        .map(|(s, rows)| {
+            let stretch = &comparison.data.stretches[*s];
+            let one = |i: usize, k: usize| ((stretch.outputs[i][k] - comparison.base[*s][i][k]) / comparison.noise[i]).powi(2);
+            let sum: f64 = rows.clone().map(|k| (0..comparison.outputs()).map(|i| one(i, k)).sum::<f64>()).sum();
+            (sum / (rows.len() * comparison.outputs()) as f64).max(1e-12)
+        })
+        .collect();
+    let n = energy.len();
+    if n < 4 * EDGE {
+        return Vec::new();
+    }
+    // Energies of blocks scatter by factors: their logarithms are compared, with the scatter measured between neighbours.
+    let logs: Vec<f64> = energy.iter().map(|e| e.ln()).collect();
+    let mut steps: Vec<f64> = logs.windows(2).map(|w| (w[1] - w[0]).abs()).collect();
+    let scatter = wheelwright_core::recording::median(&mut steps) / 0.954;
+    // Neighbouring seconds are alike: as many independent ones as the lag-one correlation leaves.
+    let mean = logs.iter().sum::<f64>() / n as f64;
+    let variance = logs.iter().map(|l| (l - mean).powi(2)).sum::<f64>() / n as f64;
+    let noise = (scatter * scatter).max(variance * 0.05).max(1e-6);
+    let ratio = |k: usize| {
+        let (a, b) = logs.split_at(k);
+        let (ma, mb) = (a.iter().sum::<f64>() / a.len() as f64, b.iter().sum::<f64>() / b.len() as f64);
+        a.len() as f64 * b.len() as f64 / n as f64 * (ma - mb).powi(2) / noise
+    };
+    let ratios: Vec<(usize, f64)> = (EDGE..n - EDGE).map(|k| (k, ratio(k))).collect();
+    let Some(&(at, best)) = ratios.iter().max_by(|a, b| a.1.total_cmp(&b.1)) else { return Vec::new() };
+    if best < DISTINCT {
+        return Vec::new();
+    }
+    let time = |block: usize| comparison.data.stretches[blocks[block].0].time[blocks[block].1.start];
+    let within: Vec<usize> = ratios.iter().filter(|(_, r)| best - r <= WITHIN).map(|(k, _)| *k).collect();
+    let (first, last) = (within.first().copied().unwrap_or(at), within.last().copied().unwrap_or(at));
+    let grows = logs[at..].iter().sum::<f64>() / (n - at) as f64 > logs[..at].iter().sum::<f64>() / at as f64;
+    let words = format!("the misfit {} from here on", if grows { "is larger" } else { "is smaller" });
+    vec![ChangePoint { time: time(at), interval: (time(first.saturating_sub(1)), time((last + 1).min(n - 1))), words }]
+}
