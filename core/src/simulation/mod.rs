@@ -353,7 +353,10 @@ impl Windows {
 
 /// L (row-major): how a model's accelerations change with its outputs about rest, by central differences over one unit. Exact for
 /// equations up to second degree; any other value would cost accuracy, never consistency. True if L is diagonal.
-pub(crate) fn linear_part(model: &dyn RegressorModel, theta: &[f64], linear: &mut [f64]) -> Result<bool, ModelError> {
+///
+/// # Errors
+/// [`ModelError`] if the equations do not determine the accelerations.
+pub fn linear_part(model: &dyn RegressorModel, theta: &[f64], linear: &mut [f64]) -> Result<bool, ModelError> {
     let n = model.outputs().len();
     let needed = model.inputs().len() + 3 * n;
     let (mut stack, mut heap) = ([0.0; 32], Vec::new());

@@ -21,6 +21,8 @@ pub struct Burst {
     pub time: (f64, f64),
     /// Energy in units of the largest shuffled block's standard deviations above its mean.
     pub z: f64,
+    /// Energy above the average, in squared standard deviations of the noise.
+    pub excess: f64,
 }
 
 pub(super) fn find(comparison: &Comparison<'_>, seed: u64) -> Vec<Burst> {
@@ -59,13 +61,15 @@ pub(super) fn find(comparison: &Comparison<'_>, seed: u64) -> Vec<Burst> {
         }
         let time = &comparison.data.stretches[*s].time;
         let (from, to) = (time[own.start], time[(own.end).min(time.len() - 1)]);
+        let above = value * (rows.len() as f64).sqrt();
         let z = (value - average) / deviation.max(f64::MIN_POSITIVE);
         match bursts.last_mut() {
             Some(last) if (from - last.time.1).abs() < 1e-9 => {
                 last.time.1 = to;
                 last.z = last.z.max(z);
+                last.excess += above;
             }
-            _ => bursts.push(Burst { time: (from, to), z }),
+            _ => bursts.push(Burst { time: (from, to), z, excess: above }),
         }
     }
     bursts

@@ -3,12 +3,14 @@
 //! A library always finds something to name. These tests know no effect; they say whether anything is left, and where to look.
 
 mod bursts;
+mod flags;
 mod jitter;
 mod lattice;
 mod orders;
 pub mod structure;
 
 pub use bursts::Burst;
+pub use flags::review;
 pub use jitter::Jitter;
 pub use lattice::Lattice;
 pub use orders::OrderLine;

@@ -1,0 +1,103 @@
+//! From what a fit leaves to flags that a verdict can weigh.
+
+use nalgebra::DMatrix;
+use wheelwright_core::effect::Scene;
+use wheelwright_core::model::ModelError;
+use wheelwright_core::simulation::linear_part;
+
+use super::{Adequacy, examine, structure};
+use crate::comparison::{Channels, Comparison};
+use crate::finding::Location;
+use crate::locate::locate;
+use crate::residuals::{Flag, Residuals, Series};
+
+/// The tests' flags and where the misfit lies. `without` is the free run of the final fit with every effect neutral, nothing refitted;
+/// `explained` twice the log-likelihood that the effects gained on the base model.
+///
+/// # Errors
+/// [`ModelError`] if the model cannot be evaluated at the fitted parameters.
+pub fn review(
+    residuals: &Residuals<'_>,
+    scene: &Scene,
+    without: &Series,
+    explained: f64,
+    seed: u64,
+) -> Result<(Vec<Flag>, Location), ModelError> {
+    let outputs = residuals.data.outputs.len();
+    let mut linear = vec![0.0; outputs * outputs];
+    linear_part(residuals.model, &residuals.theta_final, &mut linear)?;
+    let rates: Vec<f64> = (0..outputs).map(|i| -linear[i * outputs + i]).collect();
+    let noise = &residuals.noise;
+    // Each output by its own past: the tests take one output after the other.
+    let whiten = |output: usize, series: &mut [f64]| {
+        let a = &noise.coefficients[output];
+        for k in (0..series.len()).rev() {
+            let foreseen: f64 = a.iter().zip(series[..k].iter().rev()).map(|(a, e)| a * e).sum();
+            series[k] = (series[k] - foreseen) / noise.innovation[output];
+        }
+    };
+    let whitened = |series: Series| -> Vec<Channels> {
+        series
+            .into_iter()
+            .map(|mut stretch| {
+                stretch.iter_mut().enumerate().for_each(|(i, c)| whiten(i, c));
+                stretch
+            })
+            .collect()
+    };
+    let white = whitened(residuals.after());
+    let rows = residuals.data.samples();
+    let mut jacobian = vec![DMatrix::zeros(rows, residuals.jacobian.len()); outputs];
+    for (p, direction) in residuals.jacobian.iter().enumerate() {
+        let mut start = 0;
+        for stretch in whitened(direction.clone()) {
+            for (i, column) in stretch.iter().enumerate() {
+                jacobian[i].view_mut((start, p), (column.len(), 1)).copy_from_slice(column);
+            }
+            start += stretch.first().map_or(0, Vec::len);
+        }
+    }
+    let comparison = Comparison {
+        data: residuals.data,
+        scene,
+        base: &residuals.base,
+        model: &residuals.last,
+        without,
+        white: &white,
+        whiten: &whiten,
+        noise: &noise.deviation,
+        rates: &rates,
+        jacobian: &jacobian,
+    };
+    let found = examine(&comparison, seed);
+    let flags = flags(&found, &comparison, explained);
+    let location = locate(&comparison, found.sentences(&comparison));
+    Ok((flags, location))
+}
+
+/// One flag a test that found something.
+fn flags(found: &Adequacy, comparison: &Comparison<'_>, explained: f64) -> Vec<Flag> {
+    let sentences = found.sentences(comparison);
+    let mut sentences = sentences.into_iter();
+    let mut all = Vec::new();
+    let mut flag = |test, value, threshold, left_over, effect| {
+        all.push(Flag { test, value, threshold, left_over, statement: sentences.next().unwrap_or_default(), effect });
+    };
+    if found.structure.significant() {
+        let share = found.structure.excess / (found.structure.excess + explained.max(0.0));
+        flag("input-driven structure", found.structure.z, structure::LIMIT, Some(share), None);
+    }
+    for burst in &found.bursts {
+        flag("bursts", burst.z, 0.0, Some(burst.excess / (burst.excess + explained.max(0.0))), None);
+    }
+    if let Some(line) = &found.order {
+        flag("wheel-order line", line.power, 0.0, Some(line.power / (line.power + explained.max(0.0))), None);
+    }
+    if let Some(jitter) = &found.jitter {
+        flag("variance against acceleration", jitter.z, 0.0, None, Some(("timestamp_jitter".to_owned(), vec![jitter.deviation])));
+    }
+    for lattice in &found.lattices {
+        flag("value lattice", lattice.coherence, 0.0, None, Some(("encoder_quantisation".to_owned(), vec![lattice.quantum])));
+    }
+    all
+}
