@@ -6,6 +6,7 @@
 pub mod adequacy;
 pub mod comparison;
 pub mod effects;
+pub mod experiment;
 pub mod finding;
 pub mod fit;
 #[cfg(test)]
