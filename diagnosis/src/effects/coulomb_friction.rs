@@ -1,10 +1,13 @@
 //! Dry friction of constant size at both wheels: f = c sgn s on each, s the wheel's ground speed.
+//!
+//! In the body frame it uses up (f_R + f_L)/2 of the forward command and ρ (f_R − f_L)/(2h) of the turning command, ρ the
+//! turning ratio. In channels without wheels each output has a friction of its own.
 
 use serde::{Deserialize, Serialize};
 use wheelwright_core::Effect;
-use wheelwright_core::effect::{Confusion, EffectParameter, Estimate, Frame, Instant, Scene, Stage, Start};
+use wheelwright_core::effect::{Confusion, EffectParameter, Estimate, Instant, Scene, Stage, Start};
 
-use super::words::{quantity, smooth_sign};
+use super::force;
 
 /// Coulomb friction.
 #[derive(Debug, Clone, Default, Serialize, Deserialize)]
@@ -30,36 +33,21 @@ impl Effect for CoulombFriction {
     }
 
     fn inapplicable(&self, scene: &Scene) -> Option<String> {
-        (!scene.frame.has_wheels()).then(|| "the model's channels do not tell the wheels' speeds".to_owned())
+        force::needs_commands(scene)
     }
 
     fn parameters(&self, scene: &Scene) -> Vec<EffectParameter> {
-        let (unit, scale) = match scene.frame {
-            Frame::Sides { .. } => ("V", 0.05 * scene.scales.inputs[0]),
-            _ => ("m/s", 0.05 * scene.scales.speed),
-        };
-        let mut all = vec![EffectParameter::new("friction", unit, (0.0, f64::INFINITY), scale).neutral(0.0)];
-        if matches!(scene.frame, Frame::Body { .. }) {
-            all.push(EffectParameter::new("turning_ratio", "1", (0.2, 4.0), 0.3));
-        }
-        all
+        force::sizes(scene, "friction").into_iter().chain(force::turning_ratio(scene)).collect()
     }
 
     fn starts(&self, scene: &Scene) -> Vec<Start> {
-        let scale = self.parameters(scene)[0].scale;
-        match scene.frame {
-            Frame::Body { .. } => [1.0, 2.0].map(|rho| Start { values: vec![scale, rho], columns: vec![vec![0]], linear: true }).into(),
-            _ => vec![Start { values: vec![scale], columns: vec![vec![0]], linear: true }],
-        }
+        let scales: Vec<f64> = force::sizes(scene, "friction").iter().map(|p| p.scale).collect();
+        force::starts(scene, &scales, &(0..scales.len()).map(|i| vec![i]).collect::<Vec<_>>())
     }
 
     fn statement(&self, values: &[Estimate], scene: &Scene) -> String {
-        match scene.frame {
-            Frame::Sides { .. } => {
-                format!("each side needs {} more to move at all; the model had no dry friction", quantity(values[0], "V"))
-            }
-            _ => format!("dry friction uses up {} of each wheel's commanded speed; the model had none", quantity(values[0], "m/s")),
-        }
+        let whose = if scene.frame.has_wheels() { "at each wheel" } else { "on the first channel" };
+        format!("dry friction {whose} uses up {}; the model had none", force::in_words(values[0], scene))
     }
 
     fn excitation(&self) -> &'static str {
@@ -68,14 +56,31 @@ impl Effect for CoulombFriction {
 
     fn confusions(&self) -> &'static [Confusion] {
         &[
-            Confusion { with: "direction_asymmetry", because: "while no wheel reverses, friction is a constant offset of the command" },
-            Confusion { with: "dead_zone", because: "a subtracting dead zone differs from friction only in its phase at reversals" },
+            Confusion {
+                with: "rolling_resistance",
+                because: "on the straight the two are one; only turning in place tells them apart, which friction at the wheels brakes and rolling resistance of the body does not",
+            },
+            Confusion {
+                with: "coulomb_friction_one_wheel",
+                because: "while no wheel reverses, friction is a constant offset of each command, whichever wheel it comes from",
+            },
+            Confusion {
+                with: "direction_asymmetry",
+                because: "friction that differs forwards and backwards is this one as long as the robot does not drive backwards",
+            },
+            Confusion {
+                with: "stribeck_friction",
+                because: "above the speed at which friction has fallen to its running value the two are one",
+            },
+            Confusion {
+                with: "dead_zone",
+                because: "a subtracting dead zone takes as much off the command, and differs at reversals only",
+            },
+            Confusion { with: "theta4", because: "over a narrow range of speeds a constant loss looks like one proportional to speed" },
         ]
     }
 
     fn load(&self, p: &[f64], at: &Instant<'_>, outputs: &[f64], _state: &[f64], load: &mut [f64]) {
-        let typical = at.scene.scales.speed;
-        let friction = at.scene.frame.wheels(outputs).map(|s| p[0] * smooth_sign(s, typical));
-        at.scene.frame.add_at_wheels(friction, p.get(1).copied().unwrap_or(1.0), load);
+        force::at_contacts(at, outputs, p.get(1), load, |contact, _, sign| p[contact] * sign);
     }
 }

@@ -11,6 +11,18 @@ pub(super) fn quantity(estimate: Estimate, unit: &str) -> String {
     }
 }
 
+/// The same with every number passed through `of`, such as a share turned into percent.
+pub(super) fn scaled(estimate: Estimate, of: impl Fn(f64) -> f64) -> Estimate {
+    let ends = |(a, b): (f64, f64)| (of(a).min(of(b)), of(a).max(of(b)));
+    Estimate { value: of(estimate.value), ci95: estimate.ci95.map(ends) }
+}
+
+/// A share in percent, to two digits.
+pub(super) fn percent(share: f64) -> String {
+    let percent = 100.0 * share;
+    if percent.abs() < 10.0 { format!("{percent:.1} %") } else { format!("{percent:.0} %") }
+}
+
 /// Three significant digits.
 pub(crate) fn digits(value: f64) -> String {
     if value == 0.0 || !value.is_finite() {

@@ -1,0 +1,87 @@
+//! Dry friction that differs forwards and backwards: f = c_f on a wheel that rolls forwards, −c_b on one that rolls backwards.
+//!
+//! The same as f = c (1 + a sgn s) sgn s with c = (c_f + c_b)/2 and a = (c_f − c_b)/(c_f + c_b), so that 0 ≤ c_f, c_b is |a| ≤ 1.
+
+use serde::{Deserialize, Serialize};
+use wheelwright_core::Effect;
+use wheelwright_core::effect::{Confusion, EffectParameter, Estimate, Instant, Scene, Stage, Start};
+
+use super::force;
+use super::words::quantity;
+
+/// Friction by direction.
+#[derive(Debug, Clone, Default, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct DirectionAsymmetry {}
+
+#[typetag::serde(name = "direction_asymmetry")]
+impl Effect for DirectionAsymmetry {
+    fn name(&self) -> &str {
+        "direction_asymmetry"
+    }
+
+    fn about(&self) -> String {
+        "dry friction that is greater in one direction than in the other".to_owned()
+    }
+
+    fn stage(&self) -> Stage {
+        Stage::Load
+    }
+
+    fn family(&self) -> &str {
+        "friction"
+    }
+
+    fn inapplicable(&self, scene: &Scene) -> Option<String> {
+        force::needs_commands(scene)
+    }
+
+    fn parameters(&self, scene: &Scene) -> Vec<EffectParameter> {
+        let mut all = force::sizes(scene, "friction_forward");
+        all.extend(force::sizes(scene, "friction_backward"));
+        all.extend(force::turning_ratio(scene));
+        all
+    }
+
+    fn starts(&self, scene: &Scene) -> Vec<Start> {
+        let forward: Vec<f64> = force::sizes(scene, "").iter().map(|p| p.scale).collect();
+        let both = [forward.clone(), forward].concat();
+        force::starts(scene, &both, &(0..both.len()).map(|i| vec![i]).collect::<Vec<_>>())
+    }
+
+    fn statement(&self, values: &[Estimate], scene: &Scene) -> String {
+        let (forward, backward) = (values[0], values[force::contacts(scene)]);
+        let harder = if forward.value >= backward.value { "forwards" } else { "backwards" };
+        format!(
+            "rolling {harder} is harder: dry friction uses up {} of the command forwards and {} backwards; the model had none",
+            quantity(forward, force::unit(scene)),
+            quantity(backward, force::unit(scene))
+        )
+    }
+
+    fn excitation(&self) -> &'static str {
+        "slow driving in both directions, through standstill"
+    }
+
+    fn confusions(&self) -> &'static [Confusion] {
+        &[
+            Confusion {
+                with: "coulomb_friction",
+                because: "as long as no wheel rolls backwards, and together with a constant offset of the command always",
+            },
+            Confusion { with: "slope", because: "while the heading stays the same, a slope helps one way and brakes the other alike" },
+            Confusion {
+                with: "viscous_asymmetry",
+                because: "over a narrow range of speeds a loss by direction may be constant or proportional to speed",
+            },
+        ]
+    }
+
+    fn load(&self, p: &[f64], at: &Instant<'_>, outputs: &[f64], _state: &[f64], load: &mut [f64]) {
+        let n = force::contacts(at.scene);
+        force::at_contacts(at, outputs, p.get(2 * n), load, |contact, _, sign| {
+            let (forward, backward) = (p[contact], p[n + contact]);
+            0.5 * sign * (forward + backward + sign * (forward - backward))
+        });
+    }
+}

@@ -1,0 +1,82 @@
+//! Dry friction that is greater near standstill: f = sgn s (c + b exp(−(s/v_s)²)) at each wheel (Stribeck; the form of Armstrong-
+//! Hélouvry, Dupont and Canudas de Wit, Automatica 30, 1994).
+//!
+//! b is what breaking away needs beyond the running friction c, v_s the speed at which it is gone.
+
+use serde::{Deserialize, Serialize};
+use wheelwright_core::Effect;
+use wheelwright_core::effect::{Confusion, EffectParameter, Estimate, Instant, Scene, Stage, Start};
+
+use super::force;
+use super::words::quantity;
+
+/// Stribeck friction.
+#[derive(Debug, Clone, Default, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct StribeckFriction {}
+
+#[typetag::serde(name = "stribeck_friction")]
+impl Effect for StribeckFriction {
+    fn name(&self) -> &str {
+        "stribeck_friction"
+    }
+
+    fn about(&self) -> String {
+        "dry friction at both wheels that is greater near standstill".to_owned()
+    }
+
+    fn stage(&self) -> Stage {
+        Stage::Load
+    }
+
+    fn family(&self) -> &str {
+        "friction"
+    }
+
+    fn inapplicable(&self, scene: &Scene) -> Option<String> {
+        force::needs_wheels(scene)
+    }
+
+    fn parameters(&self, scene: &Scene) -> Vec<EffectParameter> {
+        let typical = scene.scales.speed;
+        let mut all = force::sizes(scene, "friction");
+        all.extend(force::sizes(scene, "breakaway"));
+        all.push(EffectParameter::new("stribeck_speed", "m/s", (0.02 * typical, typical), 0.1 * typical));
+        all.extend(force::turning_ratio(scene));
+        all
+    }
+
+    fn starts(&self, scene: &Scene) -> Vec<Start> {
+        let size = 0.05 * force::command(scene, 0);
+        let from = |share: f64| force::starts(scene, &[size, size, share * scene.scales.speed], &[vec![0], vec![1]]);
+        [0.06, 0.12, 0.22, 0.4].into_iter().flat_map(from).collect()
+    }
+
+    fn statement(&self, values: &[Estimate], scene: &Scene) -> String {
+        format!(
+            "dry friction at each wheel uses up {} while it rolls and {} more near standstill, gone above {}; the model had none",
+            force::in_words(values[0], scene),
+            quantity(values[1], force::unit(scene)),
+            quantity(values[2], "m/s")
+        )
+    }
+
+    fn excitation(&self) -> &'static str {
+        "creeping and starting from rest, many times, in both directions"
+    }
+
+    fn confusions(&self) -> &'static [Confusion] {
+        &[
+            Confusion { with: "coulomb_friction", because: "without slow motion only its running value is seen" },
+            Confusion {
+                with: "dead_zone",
+                because: "a robot that needs a large command to break away hardly moves below it, as in a dead zone",
+            },
+            Confusion { with: "theta4", because: "friction that falls with speed looks like less viscous friction" },
+        ]
+    }
+
+    fn load(&self, p: &[f64], at: &Instant<'_>, outputs: &[f64], _state: &[f64], load: &mut [f64]) {
+        force::at_contacts(at, outputs, p.get(3), load, |_, speed, sign| sign * (p[0] + p[1] * (-(speed / p[2]).powi(2)).exp()));
+    }
+}

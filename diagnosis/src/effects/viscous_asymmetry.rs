@@ -1,0 +1,130 @@
+//! Viscous friction that is not the same left and right, or forwards and backwards.
+//!
+//! What both wheels and both directions share is in the model (θ4, θ6; kV). The rest is f = ±a s on the right and left wheel, so that
+//! forward motion turns the robot (a ρ v/h of the turning command) and turning brakes it (a h ω of the forward command); or
+//! f = a |s| on either wheel, positive where forwards is the harder way.
+
+use serde::{Deserialize, Serialize};
+use wheelwright_core::Effect;
+use wheelwright_core::effect::{Confusion, EffectParameter, Estimate, Frame, Instant, Scene, Stage, Start};
+
+use super::force;
+use super::words::{quantity, scaled};
+
+/// Between what viscous friction differs.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Between {
+    /// The right and the left wheel.
+    #[default]
+    Wheels,
+    /// Forwards and backwards.
+    Directions,
+}
+
+/// Asymmetry of viscous friction.
+#[derive(Debug, Clone, Default, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ViscousAsymmetry {
+    /// Between what it differs. Default `wheels`.
+    #[serde(default)]
+    pub between: Between,
+}
+
+#[typetag::serde(name = "viscous_asymmetry")]
+impl Effect for ViscousAsymmetry {
+    fn name(&self) -> &str {
+        "viscous_asymmetry"
+    }
+
+    fn about(&self) -> String {
+        match self.between {
+            Between::Wheels => "viscous friction greater at one wheel than at the other".to_owned(),
+            Between::Directions => "viscous friction greater in one direction than in the other".to_owned(),
+        }
+    }
+
+    fn stage(&self) -> Stage {
+        Stage::Load
+    }
+
+    fn inapplicable(&self, scene: &Scene) -> Option<String> {
+        force::needs_wheels(scene)
+    }
+
+    fn parameters(&self, scene: &Scene) -> Vec<EffectParameter> {
+        // More than all the command could not be driven against.
+        let all = force::command(scene, 0) / scene.scales.speed;
+        let unit = if matches!(scene.frame, Frame::Sides { .. }) { "V s/m" } else { "1" };
+        let which = match self.between {
+            Between::Wheels => "right minus left",
+            Between::Directions => "forwards minus backwards",
+        };
+        let half = EffectParameter::new("half_difference", unit, (-all, all), 0.05 * all).neutral(0.0).of("between", which);
+        std::iter::once(half).chain(force::turning_ratio(scene)).collect()
+    }
+
+    fn starts(&self, scene: &Scene) -> Vec<Start> {
+        force::starts(scene, &[0.05 * force::command(scene, 0) / scene.scales.speed], &[vec![0]])
+    }
+
+    fn statement(&self, values: &[Estimate], scene: &Scene) -> String {
+        let (more, less) = match (self.between, values[0].value >= 0.0) {
+            (Between::Wheels, true) => ("at the right wheel", "at the left"),
+            (Between::Wheels, false) => ("at the left wheel", "at the right"),
+            (Between::Directions, true) => ("forwards", "backwards"),
+            (Between::Directions, false) => ("backwards", "forwards"),
+        };
+        let difference = scaled(values[0], |a| 2.0 * a * values[0].value.signum());
+        format!(
+            "resistance that grows with speed is greater {more} than {less}, by {} {} for each m/s; the model had them equal",
+            quantity(difference, ""),
+            force::unit(scene)
+        )
+        .replace("  ", " ")
+    }
+
+    fn excitation(&self) -> &'static str {
+        match self.between {
+            Between::Wheels => "straight driving at several speeds in both directions, and turning in place",
+            Between::Directions => "driving forwards and backwards at several speeds",
+        }
+    }
+
+    fn confusions(&self) -> &'static [Confusion] {
+        match self.between {
+            Between::Wheels => &[
+                Confusion {
+                    with: "gain_asymmetry",
+                    because: "at constant speed a weaker wheel and a braked wheel are one; only acceleration tells them apart",
+                },
+                Confusion {
+                    with: "wheel_radius_mismatch",
+                    because: "a robot that pulls to one side in proportion to speed may have unequal wheels",
+                },
+                Confusion {
+                    with: "coulomb_friction_one_wheel",
+                    because: "over a narrow range of speeds a loss at one wheel may be constant or proportional to speed",
+                },
+                Confusion { with: "theta4", because: "what both wheels share is a parameter of the model" },
+            ],
+            Between::Directions => &[
+                Confusion {
+                    with: "direction_asymmetry",
+                    because: "over a narrow range of speeds a loss by direction may be constant or proportional to speed",
+                },
+                Confusion { with: "theta4", because: "while the robot drives one way only, it is a parameter of the model" },
+            ],
+        }
+    }
+
+    fn load(&self, p: &[f64], at: &Instant<'_>, outputs: &[f64], _state: &[f64], load: &mut [f64]) {
+        let frame = &at.scene.frame;
+        let [left, right] = frame.wheels(outputs);
+        let forces = match self.between {
+            Between::Wheels => [-p[0] * left, p[0] * right],
+            Between::Directions => [p[0] * left.abs(), p[0] * right.abs()],
+        };
+        frame.add_at_wheels(forces, p.get(1).copied().unwrap_or(1.0), load);
+    }
+}
