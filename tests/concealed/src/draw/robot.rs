@@ -156,6 +156,7 @@ impl Machine {
             rolling_resistance: 0.0,
             third_wheel: if forward == 0.0 { 0.0 } else { sign_of(forward) * rng.random_range(1.1..1.6) * half_track },
             gear: None,
+            dragging_ball: None,
             castor: None,
             scrub: None,
             load: None,

@@ -11,7 +11,11 @@ pub struct Link {
     pub variation: f64,
     /// Times during which nothing gets through: the last command stays in force.
     pub lost: Vec<(f64, f64)>,
+    /// Time without a message after which the robot stops by itself [s].
+    pub dead_man: Option<f64>,
 }
+
+const STANDSTILL: Command = Command { t: 0.0, v: 0.0, omega: 0.0 };
 
 /// Messages in the order of their arrival.
 #[derive(Clone, Debug)]
@@ -19,6 +23,8 @@ pub struct Inbox {
     arrivals: Vec<(f64, Command)>,
     next: usize,
     current: Command,
+    heard: f64,
+    dead_man: Option<f64>,
 }
 
 impl Inbox {
@@ -35,18 +41,19 @@ impl Inbox {
             latest = latest.max(c.t + late);
             arrivals.push((latest, *c));
         }
-        Inbox { arrivals, next: 0, current: Command { t: 0.0, v: 0.0, omega: 0.0 } }
+        Inbox { arrivals, next: 0, current: STANDSTILL, heard: f64::INFINITY, dead_man: link.dead_man }
     }
 
-    /// The command in force at time `t`: standstill before the first.
+    /// The command in force at time `t`: standstill before the first, and when the dead-man has fired.
     pub fn latest(&mut self, t: f64) -> Command {
         while let Some(&(at, command)) = self.arrivals.get(self.next) {
             if at > t + 1e-9 {
                 break;
             }
             self.current = command;
+            self.heard = at;
             self.next += 1;
         }
-        self.current
+        if self.dead_man.is_some_and(|longest| t - self.heard > longest) { STANDSTILL } else { self.current }
     }
 }

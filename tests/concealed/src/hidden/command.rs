@@ -13,7 +13,7 @@ pub fn dead_zone(s: &mut Subject, _: &mut StdRng) -> Parameters {
 
 /// Set-points of a wheel are cut.
 pub fn velocity_saturation(s: &mut Subject, _: &mut StdRng) -> Parameters {
-    let limit = s.fastest * (1.0 - 0.5 * s.strength);
+    let limit = s.asked.fastest * (1.0 - 0.5 * s.strength);
     s.machine.firmware.shaping.wheel_limit = limit;
     parameters([("limit_rim_speed_m_s", limit.into())])
 }

@@ -43,6 +43,7 @@ fn alternatives(name: &str, form: Option<&str>, c: &Circumstances) -> Vec<Vec<&'
         "stribeck_friction" if !c.reverses && c.crawls < 0.03 => singles(&FRICTION),
         "coulomb_friction" | "rolling_resistance" => singles(&FRICTION[..2]),
         "dead_zone" if form.is_some_and(|f| f.starts_with("dead band")) => vec![vec!["coulomb_friction"]],
+        "sensor_delay" if form == Some("one axis only") => Vec::new(),
         "command_delay" | "sensor_delay" => {
             let mut names: Vec<&str> = if c.wheels { Vec::new() } else { LATE[..2].to_vec() };
             if slow_delay {

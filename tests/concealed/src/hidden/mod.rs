@@ -92,10 +92,8 @@ pub struct Subject<'a> {
     pub until: f64,
     /// Spacing of its rows [s].
     pub row: f64,
-    /// Fastest rim set-point of the first recording [m/s].
-    pub fastest: f64,
-    /// Largest force at a rim that the first recording asks of an ideal robot [N].
-    pub hardest: f64,
+    /// What the first recording asks of an ideal robot.
+    pub asked: Demands,
 }
 
 impl Subject<'_> {
@@ -130,20 +128,38 @@ impl Subject<'_> {
     }
 }
 
-/// Fastest rim set-point [m/s] and largest rim force [N] that a drive asks of an ideal robot.
-pub fn demands(machine: &Machine, commands: &[Command]) -> (f64, f64) {
-    let h = machine.firmware.half_track;
-    let fastest = commands.iter().map(|c| (c.v - h * c.omega).abs().max((c.v + h * c.omega).abs())).fold(0.0, f64::max);
+/// What a drive asks of an ideal robot.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Demands {
+    /// Fastest rim set-point [m/s].
+    pub fastest: f64,
+    /// Largest force at a rim [N].
+    pub hardest: f64,
+    /// Largest voltage at a motor [V].
+    pub voltage: f64,
+}
+
+/// What a drive asks of an ideal robot whose speeds follow their set-points with its time constants.
+pub fn demands(machine: &Machine, commands: &[Command]) -> Demands {
+    let (h, radius, motor) = (machine.firmware.half_track, machine.firmware.radius, &machine.rig.motors[LEFT]);
     let times = machine.times();
-    let (mut v, mut omega, mut hardest) = (0.0, 0.0, 0.0f64);
+    let (mut v, mut omega) = (0.0, 0.0);
+    let mut most = Demands { fastest: 0.0, hardest: 0.0, voltage: 0.0 };
     for pair in commands.windows(2) {
         let (along, yaw) = (machine.servo[0] * (pair[0].v - v), machine.servo[1] * (pair[0].omega - omega));
-        hardest = hardest.max(0.5 * along.abs() + 0.5 * yaw.abs() / h);
+        for side in [-1.0, 1.0] {
+            let force = 0.5 * (along + side * yaw / h);
+            let drop = motor.resistance * force * radius / motor.torque_constant;
+            let volts = drop + motor.back_emf * (v + side * h * omega) / radius;
+            most.fastest = most.fastest.max((pair[0].v + side * h * pair[0].omega).abs());
+            most.hardest = most.hardest.max(force.abs());
+            most.voltage = most.voltage.max(volts.abs());
+        }
         let dt = pair[1].t - pair[0].t;
         v = pair[0].v + (v - pair[0].v) * (-dt / times[0]).exp();
         omega = pair[0].omega + (omega - pair[0].omega) * (-dt / times[1]).exp();
     }
-    (fastest, hardest)
+    most
 }
 
 /// Left or right, by chance.

@@ -28,7 +28,7 @@ pub struct Outside {
 }
 
 /// All of them.
-pub const OUTSIDE: [Outside; 10] = [
+pub const OUTSIDE: [Outside; 12] = [
     Outside { words: "somebody pushes the robot now and then", hide: pushes },
     Outside { words: "messages are lost for moments, the last command stays in force", hide: dropouts },
     Outside { words: "the motors cog: torque ripples with the wheel's angle", hide: cogging },
@@ -39,6 +39,8 @@ pub const OUTSIDE: [Outside; 10] = [
     Outside { words: "one wheel is thrown into the air by bumps", hide: bumps },
     Outside { words: "gusts of wind", hide: gusts },
     Outside { words: "the speed sensor cannot show high speeds", hide: clipped_sensor },
+    Outside { words: "messages are lost for moments, a dead-man stops the robot", hide: dead_man },
+    Outside { words: "set-points are rounded coarsely", hide: rounded },
 ];
 
 /// Moments of `length` seconds, on average `every` seconds apart, from the begin of the first recording to the end of all.
@@ -68,6 +70,17 @@ fn dropouts(s: &mut Subject, rng: &mut StdRng) -> Known {
     let during = moments(s, 14.0, (0.4, longest), rng);
     s.machine.firmware.link.lost.extend(&during);
     Known { during, same: Vec::new() }
+}
+
+fn dead_man(s: &mut Subject, rng: &mut StdRng) -> Known {
+    s.machine.firmware.link.dead_man = Some(0.3);
+    dropouts(s, rng)
+}
+
+fn rounded(s: &mut Subject, _: &mut StdRng) -> Known {
+    let step = 0.5 * s.strength;
+    s.machine.firmware.shaping.rounding = [step * s.speed(), step * s.machine.typical[1].abs()];
+    Known::default()
 }
 
 fn cogging(s: &mut Subject, rng: &mut StdRng) -> Known {

@@ -7,7 +7,7 @@ use rand::rngs::StdRng;
 
 /// The driver limits the current.
 pub fn torque_saturation(s: &mut Subject, _: &mut StdRng) -> Parameters {
-    let torque = s.hardest * (1.0 - 0.8 * s.strength) * s.machine.firmware.radius;
+    let torque = s.asked.hardest * (1.0 - 0.8 * s.strength) * s.machine.firmware.radius;
     for motor in &mut s.machine.rig.motors {
         motor.current_limit = torque / motor.torque_constant;
     }

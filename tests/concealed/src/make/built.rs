@@ -10,7 +10,7 @@ use crate::firmware::Command;
 use crate::firmware::control::Style;
 use crate::hidden::forms::FORMS;
 use crate::hidden::outside::{Known, OUTSIDE};
-use crate::hidden::{Parameters, Subject, demands, effect};
+use crate::hidden::{Demands, Parameters, Subject, demands, effect};
 use crate::referee::lumped::Lumped;
 use crate::sensors::trace::Trace;
 use rand::Rng;
@@ -57,11 +57,11 @@ impl Built {
             recipe.manner[k].commands(&rows, plain.typical, plain.firmware.half_track, rng)
         });
         let mut machine = plain.clone();
-        let (fastest, hardest) = demands(&plain, &commands[0]);
+        let asked = demands(&plain, &commands[0]);
         let mut parameters = Vec::new();
         let mut known = Known::default();
         for (k, ingredient) in recipe.effects.iter().enumerate() {
-            let mut subject = subject(recipe, &mut machine, ingredient.strength, (fastest, hardest));
+            let mut subject = subject(recipe, &mut machine, ingredient.strength, asked);
             let mut scratch;
             if leave == Some(k) {
                 // Draws the same numbers and changes nothing.
@@ -73,7 +73,7 @@ impl Built {
             parameters.push(hide.map(|hide| hide(&mut subject, rng)).unwrap_or_default());
         }
         if let Some((which, strength)) = recipe.outside {
-            known = (OUTSIDE[which].hide)(&mut subject(recipe, &mut machine, strength, (fastest, hardest)), &mut recipe.chance(30));
+            known = (OUTSIDE[which].hide)(&mut subject(recipe, &mut machine, strength, asked), &mut recipe.chance(30));
         }
         let heading = recipe.chance(5).random_range(-PI..PI);
         Built { plain, machine, parameters, known, commands, heading }
@@ -115,14 +115,13 @@ impl Built {
     }
 }
 
-fn subject<'a>(recipe: &Recipe, machine: &'a mut Machine, strength: f64, (fastest, hardest): (f64, f64)) -> Subject<'a> {
+fn subject<'a>(recipe: &Recipe, machine: &'a mut Machine, strength: f64, asked: Demands) -> Subject<'a> {
     Subject {
         machine,
         strength,
         span: (0.0, recipe.length[0]),
         until: recipe.length[0] + recipe.length[1] + 2.0 * PAUSE + FURTHER,
         row: 1.0 / recipe.rate,
-        fastest,
-        hardest,
+        asked,
     }
 }

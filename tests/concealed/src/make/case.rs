@@ -9,9 +9,9 @@ use crate::hidden::equivalents::{Circumstances, acceptable};
 use crate::hidden::forms::FORMS;
 use crate::hidden::outside::OUTSIDE;
 use crate::plant::{LEFT, RIGHT};
-use crate::referee::detect::{Left, Scene, jitter_ratio, lattice_ratio, left_over, percent, regions, times};
+use crate::referee::detect::{Left, Scene, jitter_ratio, lattice_ratio, left_over, left_without, percent, regions, times};
 use crate::referee::key::{Entry, PerChannel, Region, Truth};
-use crate::referee::lumped::{Speeds, Weights};
+use crate::referee::lumped::{Lumped, Speeds, Weights};
 use crate::sensors::Columns;
 use crate::sensors::noise::Character;
 use crate::sensors::trace::Trace;
@@ -142,7 +142,7 @@ fn entry(name: &str, recipe: &Recipe, built: &Built, train: &Recording, validate
         strength: strengths.iter().copied().reduce(f64::min),
         strengths,
         detectability: Some(round(ratio)),
-        detectability_each: None,
+        detectability_each: (recipe.effects.len() > 1).then(|| each(recipe, built, &scene, &left.refit, &train.foreseen, sigma)),
         times: if hidden { acting(built, &left, sigma) } else { None },
         regions: if hidden { places(train, &left, sigma) } else { None },
         noise_ceiling: Some(PerChannel {
@@ -151,6 +151,32 @@ fn entry(name: &str, recipe: &Recipe, built: &Built, train: &Recording, validate
         }),
         origin: recipe.origin.clone(),
     }
+}
+
+/// Visibility of each effect of several, the others kept.
+fn each(recipe: &Recipe, built: &Built, scene: &Scene, refit: &Lumped, train: &Columns, sigma: &Sigma) -> Vec<f64> {
+    let without = |recipe: &Recipe, k: usize| {
+        let built = Built::new(recipe, Some(k));
+        let commands = &built.commands[0];
+        let stamps: Vec<f64> = commands.iter().map(|c| c.t).collect();
+        let foreseen = built.machine.sensors.foreseen(&built.drive(recipe, commands, 6), &stamps);
+        (speeds(&foreseen, built.plain.firmware.radius, recipe.wheels), scatter(recipe, &built, &foreseen, sigma))
+    };
+    let all = scatter(recipe, built, train, sigma);
+    (0..recipe.effects.len())
+        .map(|k| {
+            let (base, scattered) = without(recipe, k);
+            let others = (0..recipe.effects.len()).filter(|j| *j != k);
+            let moved: Vec<Speeds> = others
+                .map(|j| {
+                    let mut stronger = recipe.clone();
+                    stronger.effects[j].strength *= 1.1;
+                    without(&stronger, k).0
+                })
+                .collect();
+            round(left_without(scene, refit, &base, &moved) + (all - scattered).max(0.0))
+        })
+        .collect()
 }
 
 /// Four digits after the point are more than any of these numbers is worth.

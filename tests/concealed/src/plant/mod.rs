@@ -80,6 +80,8 @@ pub struct Rig {
     pub third_wheel: f64,
     /// Gear play or a soft shaft, where there is one.
     pub gear: Option<Gear>,
+    /// A ball that drags in place of a castor.
+    pub dragging_ball: Option<Ball>,
     /// A swivelling castor that costs force.
     pub castor: Option<Castor>,
     /// Sideways scrub of four patches.

@@ -83,7 +83,7 @@ impl Rig {
         if let Some(push) = castor {
             add(push.force);
         }
-        if let Some(ball) = self.ball(loads) {
+        for ball in [self.ball(loads), self.dragging_ball].into_iter().flatten() {
             add(ball.force(v, omega));
         }
         if let Some(scrub) = &self.scrub {

@@ -5,8 +5,11 @@
 //! that change not the mean but the scatter (jitter, coarse encoders) add the expected ratio of their densities.
 
 use super::key::Region;
-use super::lumped::{Lumped, Speeds, Weights, fit, run};
+use super::lumped::{Lumped, Speeds, Weights, fit, residuals, run};
 use crate::firmware::Command;
+
+/// Lumped numbers that put nothing into a prior.
+const IDEAL_DIMENSIONS: Lumped = [1.0; 8];
 
 /// A recording without noise, and the noise it gets.
 #[derive(Clone, Debug)]
@@ -38,6 +41,54 @@ pub fn left_over(scene: &Scene, start: Lumped) -> Left {
     let ran = run(&refit, scene.commands, scene.half_track);
     let difference = scene.seen.channels.iter().zip(&ran.channels).map(|(y, m)| y.iter().zip(m).map(|(a, b)| a - b).collect()).collect();
     Left { ratio, refit, difference }
+}
+
+/// Expected ratio of one effect of several: what is left of its contribution when the robot without it may change its lumped numbers and the
+/// strengths of the other effects (one Gauss-Newton step from the truth without it).
+///
+/// `without` are the signals without the effect, `moved` those without it after another effect was made stronger by some share.
+pub fn left_without(scene: &Scene, refit: &Lumped, without: &Speeds, moved: &[Speeds]) -> f64 {
+    let whitened = |a: &Speeds, b: &Speeds| {
+        let mut all = residuals(&IDEAL_DIMENSIONS, a, b, scene.weights);
+        all.truncate(a.channels.iter().map(Vec::len).sum());
+        all
+    };
+    let contribution = whitened(without, scene.seen);
+    let ran = run(refit, scene.commands, scene.half_track);
+    let mut columns: Vec<Vec<f64>> = (0..if scene.half_track.is_some() { 8 } else { 6 })
+        .map(|k| {
+            let mut p = *refit;
+            p[k] += 1e-4 * p[k].abs().max(1e-2);
+            whitened(&ran, &run(&p, scene.commands, scene.half_track))
+        })
+        .collect();
+    columns.extend(moved.iter().map(|m| whitened(without, m)));
+    remainder(columns, contribution)
+}
+
+/// Squared length of what remains of `x` beside the columns (Gram-Schmidt, twice for safety).
+fn remainder(columns: Vec<Vec<f64>>, mut x: Vec<f64>) -> f64 {
+    let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(p, q)| p * q).sum::<f64>();
+    let mut basis: Vec<Vec<f64>> = Vec::new();
+    let clear = |x: &mut Vec<f64>, basis: &[Vec<f64>]| {
+        for _ in 0..2 {
+            for b in basis {
+                let along = dot(x, b);
+                x.iter_mut().zip(b).for_each(|(p, q)| *p -= along * q);
+            }
+        }
+    };
+    for mut column in columns {
+        let before = dot(&column, &column).sqrt();
+        clear(&mut column, &basis);
+        let length = dot(&column, &column).sqrt();
+        if length > 1e-7 * before {
+            column.iter_mut().for_each(|p| *p /= length);
+            basis.push(column);
+        }
+    }
+    clear(&mut x, &basis);
+    dot(&x, &x)
 }
 
 /// Expected ratio for measuring at moments that scatter by `jitter` [s]: the noise's variance grows with the square of the slope.

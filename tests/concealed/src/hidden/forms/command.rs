@@ -2,6 +2,7 @@
 
 use super::super::{Parameters, Subject, command, measuring, parameters};
 use crate::sensors::{Lateness, Source};
+use rand::Rng;
 use rand::rngs::StdRng;
 
 pub(super) fn dead_band(s: &mut Subject, rng: &mut StdRng) -> Parameters {
@@ -69,6 +70,14 @@ pub(super) fn rounded(s: &mut Subject, _: &mut StdRng) -> Parameters {
     s.machine.sensors.rounding = step;
     s.machine.sensors.source = Source::Wheels;
     parameters([("step_v_m_s", step[0].into()), ("step_omega_rad_s", step[1].into())])
+}
+
+pub(super) fn one_axis_late(s: &mut Subject, rng: &mut StdRng) -> Parameters {
+    let mut said = measuring::delay(s, rng);
+    let late = usize::from(rng.random::<bool>());
+    s.machine.sensors.delay[1 - late] = 0.0;
+    said.insert("axis".to_owned(), ["v", "omega"][late].into());
+    said
 }
 
 pub(super) fn bursts(s: &mut Subject, rng: &mut StdRng) -> Parameters {

@@ -4,6 +4,7 @@ use super::super::power::voltage_loss;
 use super::super::{Parameters, Subject, build, friction, parameters, resistance};
 use crate::draw::sign;
 use crate::plant::bearing::{Dry, Law};
+use crate::plant::castor::Ball;
 use crate::plant::contact::{Contact, Scrub, Tyre};
 use crate::plant::motor::{Battery, Discharge};
 use crate::plant::surroundings::{Air, GRAVITY};
@@ -44,10 +45,9 @@ pub(super) fn drag_power(s: &mut Subject, _: &mut StdRng) -> Parameters {
 }
 
 pub(super) fn voltage_limit(s: &mut Subject, _: &mut StdRng) -> Parameters {
-    let share = 1.0 - 0.8 * s.strength;
-    let (radius, fastest, hardest) = (s.machine.firmware.radius, s.fastest, s.hardest);
-    let motor = &s.machine.rig.motors[0];
-    let volts = motor.back_emf * fastest / radius + share * hardest * radius * motor.resistance / motor.torque_constant;
+    // Never so little that it could not keep the speed: that would be another limit.
+    let keeps = s.machine.rig.motors[0].back_emf * s.asked.fastest / s.machine.firmware.radius;
+    let volts = (s.asked.voltage * (1.0 - 0.8 * s.strength)).max(1.15 * keeps);
     for motor in &mut s.machine.rig.motors {
         motor.voltage_limit = volts;
     }
@@ -55,7 +55,9 @@ pub(super) fn voltage_limit(s: &mut Subject, _: &mut StdRng) -> Parameters {
 }
 
 pub(super) fn winding(s: &mut Subject, _: &mut StdRng) -> Parameters {
-    let electric_time = 0.15 * s.strength;
+    // A current much slower than the robot would make the loop ring.
+    let times = s.machine.times();
+    let electric_time = (0.15 * s.strength).min(0.5 * times[0].min(times[1]));
     for motor in &mut s.machine.rig.motors {
         motor.electric_time = electric_time;
     }
@@ -71,7 +73,7 @@ pub(super) fn amplifier(s: &mut Subject, rng: &mut StdRng) -> Parameters {
 }
 
 pub(super) fn smooth_floor(s: &mut Subject, _: &mut StdRng) -> Parameters {
-    let grip = s.hardest * (1.0 - 0.7 * s.strength);
+    let grip = s.asked.hardest * (1.0 - 0.7 * s.strength);
     let mass = s.machine.rig.body.mass;
     let tyre = Tyre { stiffness: (8.0 * 0.5 * mass * GRAVITY).max(3.0 * grip), grip, floor: 0.05 * s.speed() };
     for wheel in &mut s.machine.rig.wheels {
@@ -121,6 +123,36 @@ pub(super) fn settling_sag(s: &mut Subject, _: &mut StdRng) -> Parameters {
     let loss = voltage_loss(s);
     s.machine.rig.battery = Battery { loss, span: s.span.1 - s.span.0, shape: Discharge::Settling(0.3), per_ampere: 0.0 };
     parameters([("voltage_lost_over_recording", loss.into())])
+}
+
+pub(super) fn weak_cells(s: &mut Subject, _: &mut StdRng) -> Parameters {
+    let motor = &s.machine.rig.motors[0];
+    let current = 2.0 * s.asked.hardest * s.machine.firmware.radius / motor.torque_constant;
+    let per_ampere = 0.6 * s.strength / current;
+    s.machine.rig.battery = Battery { loss: 0.1 * s.strength, span: s.span.1 - s.span.0, shape: Discharge::Even, per_ampere };
+    parameters([("voltage_lost_per_ampere", per_ampere.into())])
+}
+
+pub(super) fn dead_cell(s: &mut Subject, rng: &mut StdRng) -> Parameters {
+    let (loss, at) = (voltage_loss(s), rng.random_range(0.2..0.75));
+    let span = s.span.1 - s.span.0;
+    s.machine.rig.battery = Battery { loss, span, shape: Discharge::Step(at), per_ampere: 0.0 };
+    parameters([("voltage_lost", loss.into()), ("time_s", (s.span.0 + at * span).into())])
+}
+
+pub(super) fn oval(s: &mut Subject, rng: &mut StdRng) -> Parameters {
+    let said = build::eccentricity(s, rng);
+    for wheel in &mut s.machine.rig.wheels {
+        wheel.lobes = 2.0;
+    }
+    said
+}
+
+pub(super) fn ball(s: &mut Subject, rng: &mut StdRng) -> Parameters {
+    let drag = s.force(0.12 * s.strength);
+    let place = -rng.random_range(0.9..1.5) * s.machine.rig.half_track;
+    s.machine.rig.dragging_ball = Some(Ball { place, drag, soft: s.machine.rig.soft_speed });
+    parameters([("drag_n", drag.into()), ("place_m", place.into())])
 }
 
 pub(super) fn damped_gap(s: &mut Subject, _: &mut StdRng) -> Parameters {

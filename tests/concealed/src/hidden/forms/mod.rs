@@ -18,7 +18,7 @@ pub struct Form {
 }
 
 /// All other forms.
-pub const FORMS: [Form; 26] = [
+pub const FORMS: [Form; 31] = [
     Form { effect: "coulomb_friction", words: "bristles (LuGre)", hide: matter::coulomb_bristles },
     Form { effect: "coulomb_friction", words: "a soft sign", hide: matter::coulomb_soft },
     Form { effect: "stribeck_friction", words: "bristles (LuGre) with breakaway", hide: matter::stribeck_bristles },
@@ -45,4 +45,9 @@ pub const FORMS: [Form; 26] = [
     Form { effect: "wheel_eccentricity", words: "off-centre encoder discs on round wheels", hide: matter::discs },
     Form { effect: "encoder_quantisation", words: "rounded messages", hide: command::rounded },
     Form { effect: "timestamp_jitter", words: "mostly on time, now and then far off", hide: command::bursts },
+    Form { effect: "battery_sag", words: "cells give way under load", hide: matter::weak_cells },
+    Form { effect: "battery_sag", words: "a cell drops out", hide: matter::dead_cell },
+    Form { effect: "wheel_eccentricity", words: "oval wheels", hide: matter::oval },
+    Form { effect: "castor_drag", words: "a ball that drags", hide: matter::ball },
+    Form { effect: "sensor_delay", words: "one axis only", hide: command::one_axis_late },
 ];
