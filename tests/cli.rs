@@ -165,7 +165,7 @@ fn every_built_in_is_linked_and_listed() {
     let names = |kind: &str| document[kind].as_array().unwrap().iter().map(|p| p["name"].as_str().unwrap().to_owned()).collect::<Vec<_>>();
     assert_eq!(names("models"), ["expression", "vw-pd", "wheel-pd", "wheel-voltage"]);
     assert_eq!(names("robots"), ["simulator"]);
-    for solver in ["box", "ols", "steady-state", "thesis"] {
+    for solver in ["box", "iv", "ols", "output-error", "recursive", "robust", "steady-state", "thesis"] {
         assert!(names("solvers").contains(&solver.to_owned()), "{solver}");
     }
     for excitation in ["signals", "thesis-constant", "thesis-khepera", "thesis-multisine", "thesis-pioneer"] {

@@ -17,7 +17,7 @@ use wheelwright_core::solver::{Problem, Solution, SolveError, Solver, Status};
 
 use crate::OutputError;
 use crate::Velocity;
-use crate::output_error::{Channels, Fit, FreeRun, Noise, NoiseModel};
+use crate::output_error::{Channels, Fit, FreeRun, Method, Noise, NoiseModel};
 use wheelwright_core::least_squares::{Factor, Limits, constrained_step};
 
 /// Errors beyond this many σ pull no harder.
@@ -57,7 +57,7 @@ impl Solver for Robust {
 
     fn solve(&self, problem: &Problem<'_>) -> Result<Solution, SolveError> {
         let settings = OutputError { velocity: self.velocity, noise: NoiseModel::White, ..OutputError::default() };
-        let fit = Fit::new(&settings, problem)?;
+        let fit = Fit::new("robust", Method::Sensitivities, &settings, problem)?;
         let (mut run, _) = fit.first_fit()?;
         let mut converged = false;
         let mut iterations = 0;

@@ -70,6 +70,13 @@ pub struct Limits {
     pub h: DVector<f64>,
 }
 
+impl Limits {
+    /// Inequalities that hold with equality.
+    pub fn active(&self, z: &DVector<f64>) -> Vec<usize> {
+        (0..self.h.len()).filter(|&i| at_limit(self, i, z)).collect()
+    }
+}
+
 /// How far to go.
 #[derive(Debug, Clone, Copy)]
 pub struct Options {
@@ -167,8 +174,7 @@ pub fn minimise(problem: &mut dyn Residuals, mut z: DVector<f64>, limits: &Limit
         }
         smooth &= gain > 0.5;
     }
-    let active = (0..limits.h.len()).filter(|&i| at_limit(limits, i, &z)).collect();
-    Ok(Outcome { z, factor, converged, smooth, active })
+    Ok(Outcome { active: limits.active(&z), z, factor, converged, smooth })
 }
 
 /// By how much a step lowers the cost of the linear model.

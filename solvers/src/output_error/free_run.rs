@@ -6,16 +6,20 @@
 //!
 //! Velocities that a driver differenced from counts are summed up again and compared as distances: the rounding of a
 //! count is independent from sample to sample, that of a difference is not, and no autoregression of finite order makes
-//! it so. Where each encoder stood between two counts at the start is one more unknown.
+//! it so. Where each encoder stood between two counts at the start is told apart from the velocity at the start only
+//! within the first lags, so that one unknown serves for both.
+//!
+//! How the error moves with the unknowns comes from differences of whole simulations, or from the prefilter.
 
 use nalgebra::{DMatrix, DVector};
 use wheelwright_core::Stretch;
 use wheelwright_core::model::ModelError;
-use wheelwright_core::simulation::{DIFFERENCE, Direction, Readout, Simulator};
+use wheelwright_core::simulation::{DIFFERENCE, Direction, Readout, Sensitivities, Simulator};
 use wheelwright_core::solver::{Problem, SolveError};
 
+use super::Fit;
 use super::noise::{Channels, Noise};
-use super::start::Integrals;
+use crate::prefilter::{Columns, Prefilter};
 use wheelwright_core::least_squares::{Factor, Residuals};
 
 /// Most steps between two samples: where friction makes a kink, shorter ones cost much and gain little against noise.
@@ -23,8 +27,26 @@ const FINEST: f64 = 32.0;
 /// Distance from a bound in difference steps below which a parameter sits at it, but for rounding.
 const AT_BOUND: f64 = 1e-3;
 
+/// Where the columns of the linearised problem come from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Method {
+    /// Differences of simulations.
+    Sensitivities,
+    /// The model's equations on the free run, through the model's own lag: instruments.
+    Instruments,
+}
+
+/// Instruments Z, regressors Ψ and error e, whitened, the starts of all stretches eliminated.
+pub(crate) struct Instrumental {
+    /// ‖Z s + e‖².
+    pub(crate) factor: Factor,
+    /// QᵀΨ for Z = Q R.
+    pub(crate) regressors: DMatrix<f64>,
+}
+
 pub(crate) struct FreeRun<'a> {
     problem: &'a Problem<'a>,
+    method: Method,
     simulator: Simulator<'a>,
     transform: DMatrix<f64>,
     /// Plausible size of each free parameter, for the difference steps.
@@ -38,21 +60,15 @@ pub(crate) struct FreeRun<'a> {
 }
 
 impl<'a> FreeRun<'a> {
-    pub(crate) fn new(
-        problem: &'a Problem<'a>,
-        transform: &DMatrix<f64>,
-        integrals: &Integrals,
-        noise: Noise,
-        readout: Readout,
-        z: DVector<f64>,
-    ) -> Result<Self, SolveError> {
-        let scale = integrals.free_scale(transform, &problem.map.theta(z.as_slice()));
+    pub(crate) fn new(fit: &Fit<'a>, noise: Noise, z: DVector<f64>) -> Result<Self, SolveError> {
+        let (problem, method, readout, transform) = (fit.problem, fit.method, fit.readout(), fit.transform.clone());
+        let theta = problem.map.theta(z.as_slice());
+        let scale = fit.integrals.free_scale(&transform, &theta);
         let starts: Vec<DVector<f64>> =
             problem.data.stretches.iter().map(|s| DVector::from_iterator(s.outputs.len(), s.outputs.iter().map(|c| c[0]))).collect();
-        let simulator = Simulator::new(problem.model, &problem.map.theta(z.as_slice()))?.with_readout(readout);
+        let simulator = Simulator::new(problem.model, &theta)?.with_readout(readout);
         let trial = (z.clone(), starts.clone());
-        let transform = transform.clone();
-        let mut run = Self { problem, simulator, transform, scale, readout, noise, z, starts, trial, eliminated: Vec::new() };
+        let mut run = Self { problem, method, simulator, transform, scale, readout, noise, z, starts, trial, eliminated: Vec::new() };
         run.choose_step()?;
         Ok(run)
     }
@@ -136,28 +152,74 @@ impl<'a> FreeRun<'a> {
 
     /// Whitened columns: start, parameters, error.
     fn columns(&mut self, s: usize, directions: &[Direction]) -> Result<DMatrix<f64>, ModelError> {
+        let found = match self.method {
+            Method::Sensitivities => {
+                let stretch = &self.problem.data.stretches[s];
+                self.simulator.sensitivities(stretch, self.starts[s].as_slice(), directions)?
+            }
+            Method::Instruments => {
+                let Columns { initial, instruments, .. } = self.filtered(s)?;
+                Sensitivities { parameters: instruments, initial }
+            }
+        };
+        self.whitened(s, found.initial.into_iter().chain(found.parameters))
+    }
+
+    /// What comes through the model's own lag over a stretch.
+    fn filtered(&self, s: usize) -> Result<Columns, ModelError> {
+        let stretch = &self.problem.data.stretches[s];
+        let step = self.simulator.max_step().unwrap_or(f64::INFINITY);
+        let theta = self.problem.map.theta(self.z.as_slice());
+        let mut filter = Prefilter::new(self.problem.model, &theta, &self.transform, self.readout, step)?;
+        filter.columns(stretch, self.starts[s].as_slice())
+    }
+
+    /// Columns as they are compared, whitened, with the error as the last.
+    fn whitened(&mut self, s: usize, columns: impl Iterator<Item = Channels>) -> Result<DMatrix<f64>, ModelError> {
         let stretch = &self.problem.data.stretches[s];
         let (rows, outputs) = (stretch.len(), stretch.outputs.len());
         let error = stretch_errors(self.problem, &mut self.simulator, s, self.readout, &self.starts[s])?;
-        let found = self.simulator.sensitivities(stretch, &self.starts[s].as_slice()[..outputs], directions)?;
         let summed = |mut column: Channels| {
             if self.readout == Readout::IntervalMean {
                 sum_up(&mut column, &stretch.time);
             }
             column
         };
-        let offset = |c: usize| (0..outputs).map(|i| vec![f64::from(u8::from(i == c)); rows]).collect::<Channels>();
-        let offsets = (0..self.starts[s].len() - outputs).map(offset);
-        let columns = found.initial.into_iter().map(summed).chain(offsets).chain(found.parameters.into_iter().map(summed));
-        let mut matrix = DMatrix::zeros(rows * outputs, self.starts[s].len() + directions.len() + 1);
-        for (j, mut column) in columns.chain(std::iter::once(error)).enumerate() {
+        let mut values = Vec::new();
+        for mut column in columns.map(summed).chain(std::iter::once(error)) {
             self.noise.whiten(&mut column);
-            for (c, series) in column.iter().enumerate() {
-                matrix.view_mut((c * rows, j), (rows, 1)).column_mut(0).copy_from_slice(series);
-            }
+            column.iter().for_each(|series| values.extend_from_slice(series));
         }
-        Ok(matrix)
+        Ok(DMatrix::from_vec(rows * outputs, values.len() / (rows * outputs), values))
     }
+
+    /// The problem of instrumental variables at the current point.
+    pub(crate) fn instrumental(&mut self) -> Result<Instrumental, SolveError> {
+        self.simulator.set_theta(&self.problem.map.theta(self.z.as_slice()))?;
+        let (n, free) = (self.starts.first().map_or(0, DVector::len), self.z.len());
+        let mut eliminated = Vec::with_capacity(self.starts.len());
+        let width = 2 * free + 1;
+        let mut stacked = DMatrix::zeros(self.starts.len() * width, width);
+        for s in 0..self.starts.len() {
+            let Columns { initial, instruments, regressors } = self.filtered(s)?;
+            let columns = self.whitened(s, initial.into_iter().chain(instruments).chain(regressors))?;
+            let Factor { r, q, rest } = Factor::of(columns);
+            stacked.view_mut((s * width, 0), (2 * free, 2 * free)).copy_from(&r.view((n, n), (2 * free, 2 * free)));
+            stacked.view_mut((s * width, 2 * free), (2 * free, 1)).copy_from(&q.rows(n, 2 * free));
+            stacked[((s + 1) * width - 1, 2 * free)] = rest;
+            eliminated.push(of_instruments(&Factor { r, q, rest }, n + free));
+        }
+        self.eliminated = eliminated;
+        let whole = Factor::of(stacked);
+        let regressors = whole.r.view((0, free), (free, free)).into_owned();
+        Ok(Instrumental { factor: of_instruments(&whole, free), regressors })
+    }
+}
+
+/// The factor of the first columns and the error, from one that holds others between them.
+fn of_instruments(whole: &Factor, first: usize) -> Factor {
+    let others = whole.q.rows(first, whole.q.len() - first).norm();
+    Factor { r: whole.r.view((0, 0), (first, first)).into_owned(), q: whole.q.rows(0, first).into_owned(), rest: others.hypot(whole.rest) }
 }
 
 /// Interval means times intervals, summed up; the first row, of which there is no mean, is where the sum starts.
@@ -179,18 +241,13 @@ fn stretch_errors(
     start: &DVector<f64>,
 ) -> Result<Channels, ModelError> {
     let stretch = &problem.data.stretches[s];
-    let outputs = stretch.outputs.len();
-    let (state, offsets) = start.as_slice().split_at(outputs);
-    let mut run = vec![Vec::new(); outputs];
-    simulator.run(stretch, state, &mut run)?;
+    let mut run = vec![Vec::new(); stretch.outputs.len()];
+    simulator.run(stretch, start.as_slice(), &mut run)?;
     for (simulated, measured) in run.iter_mut().zip(&stretch.outputs) {
         simulated.iter_mut().zip(measured).for_each(|(s, m)| *s -= m);
     }
     if readout == Readout::IntervalMean {
         sum_up(&mut run, &stretch.time);
-    }
-    for (error, offset) in run.iter_mut().zip(offsets) {
-        error.iter_mut().for_each(|e| *e += offset);
     }
     Ok(run)
 }

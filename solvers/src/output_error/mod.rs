@@ -18,7 +18,8 @@ use wheelwright_core::simulation::Readout;
 use wheelwright_core::solver::{Problem, Solution, SolveError, Solver, Status};
 
 use crate::Ols;
-pub(crate) use free_run::FreeRun;
+use crate::iv::orthogonalise;
+pub(crate) use free_run::{FreeRun, Instrumental, Method};
 use intervals::Intervals;
 pub(crate) use intervals::not_identifiable;
 pub(crate) use noise::{Channels, Noise};
@@ -89,7 +90,7 @@ impl Solver for OutputError {
     }
 
     fn solve(&self, problem: &Problem<'_>) -> Result<Solution, SolveError> {
-        Fit::new(self, problem)?.solve()
+        Fit::new("output-error", Method::Sensitivities, self, problem)?.solve()
     }
 }
 
@@ -112,8 +113,9 @@ struct Fitted {
     structured: Option<Specification>,
 }
 
-/// One run of the solver.
+/// One run of the solver, or of one that also rests on free runs.
 pub(crate) struct Fit<'a> {
+    method: Method,
     settings: &'a OutputError,
     problem: &'a Problem<'a>,
     pub(crate) transform: DMatrix<f64>,
@@ -125,7 +127,8 @@ pub(crate) struct Fit<'a> {
 }
 
 impl<'a> Fit<'a> {
-    pub(crate) fn new(settings: &'a OutputError, problem: &'a Problem<'a>) -> Result<Self, SolveError> {
+    /// `solver` is the name that errors speak of.
+    pub(crate) fn new(solver: &str, method: Method, settings: &'a OutputError, problem: &'a Problem<'a>) -> Result<Self, SolveError> {
         let (parameters, free) = (problem.map.offset.len(), problem.map.free.len());
         if free == 0 {
             let reason = "every parameter is fixed: nothing is left to estimate".to_owned();
@@ -134,7 +137,7 @@ impl<'a> Fit<'a> {
         let outputs = problem.data.outputs.len();
         if problem.model.equations() != outputs {
             return Err(SolveError::NotApplicable {
-                solver: "output-error".to_owned(),
+                solver: solver.to_owned(),
                 model: problem.model.name().to_owned(),
                 reason: format!("it has {} equation(s) for {outputs} output(s) and cannot be simulated", problem.model.equations()),
             });
@@ -152,10 +155,10 @@ impl<'a> Fit<'a> {
         let largest = |c: usize| compared.iter().flat_map(|s| &s[c]).fold(0.0_f64, |m, x| m.max(x.abs()));
         let all = (0..outputs).map(largest).fold(f64::MIN_POSITIVE, f64::max);
         let floor = (0..outputs).map(|c| NUMERICAL * largest(c).max(1e-6 * all)).collect();
-        Ok(Self { settings, problem, transform, offset, limits, integrals: Integrals::new(problem), floor })
+        Ok(Self { method, settings, problem, transform, offset, limits, integrals: Integrals::new(problem), floor })
     }
 
-    fn solve(&self) -> Result<Solution, SolveError> {
+    pub(crate) fn solve(&self) -> Result<Solution, SolveError> {
         let (mut run, outcome) = self.first_fit()?;
         let fitted = match self.settings.noise {
             NoiseModel::Autoregressive => self.settle(&mut run, outcome, Weights::Autoregressive)?,
@@ -225,9 +228,7 @@ impl<'a> Fit<'a> {
         candidates.extend(ols.as_ref().ok().and_then(|solution| self.free_values(&solution.theta)));
         let mut runs: Vec<(f64, FreeRun<'a>)> = Vec::new();
         for z in candidates {
-            let Ok(mut run) = FreeRun::new(self.problem, &self.transform, &self.integrals, noise.clone(), self.readout(), z) else {
-                continue;
-            };
+            let Ok(mut run) = FreeRun::new(self, noise.clone(), z) else { continue };
             let cost = run.cost();
             if cost.is_finite() {
                 runs.push((cost, run));
@@ -238,7 +239,7 @@ impl<'a> Fit<'a> {
         let mut failure = ols.err();
         for (_, mut run) in runs {
             let z = run.z().clone();
-            let outcome = match minimise(&mut run, z, &self.limits, self.options()) {
+            let outcome = match self.search(&mut run, z) {
                 Ok(outcome) => outcome,
                 Err(error) => {
                     failure.get_or_insert(error);
@@ -282,7 +283,7 @@ impl<'a> Fit<'a> {
                 Weights::White => Noise::white(&root_mean_squares(&errors, &self.floor)),
                 Weights::Autoregressive => Noise::estimate(&errors, &self.floor, orders.as_deref()),
             };
-            let fitted = minimise(run, outcome.z.clone(), &self.limits, self.options())?;
+            let fitted = self.search(run, outcome.z.clone())?;
             let moved = &fitted.z - &outcome.z;
             let settled = fitted.factor.deviations().iter().zip(moved.iter()).all(|(d, m)| m.abs() <= SETTLED * d);
             outcome = fitted;
@@ -298,15 +299,20 @@ impl<'a> Fit<'a> {
         Ok(Fitted { outcome, rounds, scores: None, structured: None })
     }
 
+    /// From the current point of a run to the best one for its weights.
+    fn search(&self, run: &mut FreeRun<'a>, z: DVector<f64>) -> Result<Outcome, SolveError> {
+        let options = Options { iterations: self.settings.max_iterations, ..Options::default() };
+        match self.method {
+            Method::Sensitivities => minimise(run, z, &self.limits, options),
+            Method::Instruments => orthogonalise(run, z, &self.limits, options),
+        }
+    }
+
     fn readout(&self) -> Readout {
         match self.settings.velocity {
             Velocity::Instantaneous => Readout::Instantaneous,
             Velocity::Difference => Readout::IntervalMean,
         }
-    }
-
-    fn options(&self) -> Options {
-        Options { iterations: self.settings.max_iterations, ..Options::default() }
     }
 
     /// The free values that make θ, if they exist and keep the limits.
