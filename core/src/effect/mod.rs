@@ -197,7 +197,7 @@ pub trait Effect: Debug + Send + Sync {
     }
 
     /// Numbers of state it needs.
-    fn states(&self) -> usize {
+    fn states(&self, _scene: &Scene) -> usize {
         0
     }
 

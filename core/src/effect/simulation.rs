@@ -148,7 +148,7 @@ impl<'a> EffectSimulator<'a> {
             let value =
                 |(i, p): (usize, &EffectParameter)| p.neutral.or_else(|| start.as_ref().and_then(|s| s.get(i).copied())).unwrap_or(p.scale);
             let values: Vec<f64> = parameters.iter().enumerate().map(value).collect();
-            let range = states..states + effect.states();
+            let range = states..states + effect.states(scene);
             let stage = effect.stage();
             slots.push(Slot { effect, first, values, states: range.clone(), place: stage.place(), stage });
             first += parameters.len();

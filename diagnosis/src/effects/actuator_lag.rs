@@ -1,15 +1,28 @@
-//! The drive follows its command with a second time constant: τ u̇' = u − u', on every input.
+//! The drive follows its command with dynamics of its own: τ u̇' = u − u', or τ² ü' + 2 ζ τ u̇' = u − u', on every input.
 
 use serde::{Deserialize, Serialize};
 use wheelwright_core::Effect;
 use wheelwright_core::effect::{Confusion, EffectParameter, Estimate, Instant, Scene, Stage, Start};
 
-use super::words::quantity;
+use super::late;
+use super::words::{digits, quantity};
 
-/// A first-order lag between the command and the model, which makes the whole of second order.
+/// A lag between the command and the model, which makes the whole of second order, or, with a resonance, of third.
 #[derive(Debug, Clone, Default, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct ActuatorLag {}
+#[serde(deny_unknown_fields, default)]
+pub struct ActuatorLag {
+    /// Whether each axis (or wheel, or channel) has a time constant of its own.
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    pub each_axis: bool,
+    /// Whether the drive is of second order and may resonate: an elastic transmission, a loop that overshoots.
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    pub resonant: bool,
+}
+
+/// Longest time constant considered \[s\]: beyond it the model's own one would be the lesser part.
+const LONGEST: f64 = 1.0;
+/// Damping considered: from a vibration that rings for a while to none (two equal lags).
+const DAMPING: (f64, f64) = (0.05, 1.0);
 
 #[typetag::serde(name = "actuator_lag")]
 impl Effect for ActuatorLag {
@@ -26,65 +39,122 @@ impl Effect for ActuatorLag {
     }
 
     fn family(&self) -> &str {
-        "lateness"
+        late::FAMILY
     }
 
+    /// Time constants, and the damping.
     fn parameters(&self, scene: &Scene) -> Vec<EffectParameter> {
-        vec![EffectParameter::new("time_constant", "s", (0.0, 1.0), scene.scales.period).neutral(0.0)]
+        let mut all = late::parameters("time_constant", LONGEST, self.each_axis, scene);
+        if self.resonant {
+            all.push(EffectParameter::new("damping", "1", DAMPING, 0.2));
+        }
+        all
     }
 
-    fn starts(&self, _scene: &Scene) -> Vec<Start> {
-        [0.01, 0.02, 0.04, 0.07, 0.11, 0.16, 0.23, 0.32]
-            .map(|tau| Start { values: vec![tau], columns: vec![vec![0]], linear: false })
-            .into()
+    fn starts(&self, scene: &Scene) -> Vec<Start> {
+        let lags = late::starts(self.each_axis, scene);
+        if !self.resonant {
+            return lags;
+        }
+        let with = |start: &Start, damping: f64| {
+            let mut start = start.clone();
+            start.values.push(damping);
+            start
+        };
+        lags.iter().flat_map(|start| [0.2, 0.5, 0.8].map(|damping| with(start, damping))).collect()
     }
 
-    fn statement(&self, values: &[Estimate], _scene: &Scene) -> String {
-        format!("the drive follows its command with a further time constant of {}; the model had one lag only", quantity(values[0], "s"))
+    fn statement(&self, values: &[Estimate], scene: &Scene) -> String {
+        let said = late::each(self.each_axis, values, scene, |whose, v| {
+            let hertz = digits(1.0 / (std::f64::consts::TAU * v.value));
+            let resonance = if self.resonant { format!(" ({hertz} Hz)") } else { String::new() };
+            format!("the drive follows {whose} with a further time constant of {}{resonance}", quantity(v, "s"))
+        });
+        match (self.resonant, values.last()) {
+            (true, Some(damping)) => {
+                format!("{said} and rings with a damping of {}; the model had one lag only", quantity(*damping, "1"))
+            }
+            _ => format!("{said}; the model had one lag only"),
+        }
     }
 
     fn excitation(&self) -> &'static str {
-        "steps of the command, or motion faster than a few times per second"
+        late::EXCITATION
     }
 
     fn confusions(&self) -> &'static [Confusion] {
-        &[Confusion {
-            with: "command_delay",
-            because: "under slow commands a delay and a lag of the same length are the same; only the sum with the model's own lag shows",
-        }]
+        &[
+            Confusion {
+                with: "command_delay",
+                because: "under slow commands a delay and a lag of the same length are the same; only the sum with the model's own lag shows",
+            },
+            Confusion { with: "sensor_delay", because: "under slow motion a late measurement and a lag of the same length are the same" },
+            Confusion { with: "theta1", because: "under slow commands the lag is a longer time constant of the model" },
+            Confusion { with: "slew_limit", because: "steps of one height only are filtered and ramped alike" },
+            Confusion { with: "wheel_slip", because: "a wheel that creeps in proportion to its force lags a little" },
+            Confusion { with: "backlash", because: "crossing a gap takes time at every reversal of the force" },
+        ]
     }
 
-    /// The filtered command and the command that last arrived, of each input.
-    fn states(&self) -> usize {
-        4
+    /// The filtered command, the command that last arrived and, with a resonance, the filtered command's slope, of each input.
+    fn states(&self, scene: &Scene) -> usize {
+        3 * scene.inputs.len()
     }
 
     fn begin(&self, _p: &[f64], _at: &Instant<'_>, inputs: &[f64], _outputs: &[f64], state: &mut [f64]) {
-        let n = inputs.len().min(2);
-        state[..n].copy_from_slice(&inputs[..n]);
-        state[2..2 + n].copy_from_slice(&inputs[..n]);
+        state.chunks_exact_mut(3).zip(inputs).for_each(|(state, u)| state.copy_from_slice(&[*u, *u, 0.0]));
     }
 
     /// Steps are short while the filter runs after a new command.
     fn next_switch(&self, p: &[f64], at: &Instant<'_>, _state: &[f64]) -> f64 {
-        let since = |share: f64| at.stretch.time[at.row] + share * p[0];
-        [1.0, 3.0, 7.0].into_iter().map(since).find(|t| *t > at.time + 1e-3 * p[0]).unwrap_or(f64::INFINITY)
+        let counts: &[f64] = if self.resonant { &[1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0] } else { &[1.0, 3.0, 7.0] };
+        let lags = &p[..p.len() - usize::from(self.resonant)];
+        let next = |lag: &f64| {
+            let since = |count: &f64| at.stretch.time[at.row] + count * lag;
+            counts.iter().map(since).find(|t| *t > at.time + 1e-3 * lag).unwrap_or(f64::INFINITY)
+        };
+        lags.iter().map(next).fold(f64::INFINITY, f64::min)
     }
 
     fn command(&self, p: &[f64], at: &Instant<'_>, _outputs: &[f64], state: &mut [f64], u: &mut [f64]) {
-        let (filtered, arrived) = state.split_at_mut(2);
-        // Past the last time constants of rounding the filter is transparent.
-        let kept = if p[0] > 0.0 { (-at.span / p[0]).exp() } else { 0.0 };
-        for ((filtered, arrived), u) in filtered.iter_mut().zip(arrived).zip(u) {
-            if at.span > 0.0 {
-                // The arriving command runs straight from its last value to this one.
-                let slope = (*u - *arrived) / at.span;
-                *filtered = *u - slope * p[0] + (*filtered - *arrived + slope * p[0]) * kept;
-            } else if p[0] == 0.0 {
-                *filtered = *u;
-            }
-            *arrived = *u;
-            *u = *filtered;
+        let (lags, damping) = match p {
+            [lags @ .., damping] if self.resonant => (lags, Some(*damping)),
+            _ => (p, None),
+        };
+        let one = lags.len() == 1;
+        for (i, (state, u)) in state.chunks_exact_mut(3).zip(u).enumerate() {
+            let lag = lags[if one { 0 } else { i }];
+            follow(lag, damping, at.span, state, *u);
+            *u = state[0];
         }
     }
+}
+
+/// Lets a filter run for a span in which the command goes straight from the one that last arrived to `u`.
+fn follow(lag: f64, damping: Option<f64>, span: f64, state: &mut [f64], u: f64) {
+    let [filtered, arrived, slope] = state else { return };
+    if lag <= 0.0 {
+        (*filtered, *slope) = (u, 0.0);
+    } else if span > 0.0 {
+        // Behind a command that runs straight a filter runs behind in parallel; what differs from that decays.
+        let run = (u - *arrived) / span;
+        let behind = lag * run * damping.map_or(1.0, |d| 2.0 * d);
+        let off = *filtered - (*arrived - behind);
+        (*filtered, *slope) = match damping {
+            None => (u - behind + off * (-span / lag).exp(), 0.0),
+            Some(damping) => {
+                let (off, slope) = ring(off, *slope - run, damping, span / lag, lag);
+                (u - behind + off, slope + run)
+            }
+        };
+    }
+    *arrived = u;
+}
+
+/// A free vibration after `angle` radians of its undamped angle.
+fn ring(off: f64, slope: f64, damping: f64, angle: f64, lag: f64) -> (f64, f64) {
+    let rest = (1.0 - damping * damping).max(0.0).sqrt();
+    let (decay, cos) = ((-damping * angle).exp(), (rest * angle).cos());
+    let sin = if rest > 0.0 { (rest * angle).sin() / rest } else { angle };
+    (decay * (off * (cos + damping * sin) + slope * lag * sin), decay * (slope * (cos - damping * sin) - off / lag * sin))
 }

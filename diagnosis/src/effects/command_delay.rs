@@ -1,17 +1,24 @@
-//! Commands arrive late: u'(t) = u(t − τ), the same τ on every input.
+//! Commands arrive late: u'(t) = u(t − τ), with one τ for all inputs or one for each.
 
 use serde::{Deserialize, Serialize};
 use wheelwright_core::Effect;
 use wheelwright_core::effect::{Confusion, EffectParameter, Estimate, Instant, Scene, Stage, Start};
 
+use super::late;
 use super::words::quantity;
 
 /// A pure delay between what was sent and what acts.
+///
+/// Forward and turning motion are often done by different actuators or loops, and then each has a delay of its own.
 #[derive(Debug, Clone, Default, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct CommandDelay {}
+#[serde(deny_unknown_fields, default)]
+pub struct CommandDelay {
+    /// Whether each axis (or wheel, or channel) has a delay of its own.
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    pub each_axis: bool,
+}
 
-/// Longest delay considered \[s\].
+/// Longest delay considered \[s\]: beyond it nobody would steer the robot.
 const LONGEST: f64 = 0.8;
 
 #[typetag::serde(name = "command_delay")]
@@ -29,42 +36,61 @@ impl Effect for CommandDelay {
     }
 
     fn family(&self) -> &str {
-        "lateness"
+        late::FAMILY
     }
 
     fn parameters(&self, scene: &Scene) -> Vec<EffectParameter> {
-        vec![EffectParameter::new("delay", "s", (0.0, LONGEST), scene.scales.period).neutral(0.0)]
+        late::parameters("delay", LONGEST, self.each_axis, scene)
     }
 
-    fn starts(&self, _scene: &Scene) -> Vec<Start> {
-        [0.01, 0.02, 0.04, 0.07, 0.11, 0.16, 0.23, 0.32]
-            .map(|delay| Start { values: vec![delay], columns: vec![vec![0]], linear: false })
-            .into()
+    fn starts(&self, scene: &Scene) -> Vec<Start> {
+        late::starts(self.each_axis, scene)
     }
 
-    fn statement(&self, values: &[Estimate], _scene: &Scene) -> String {
-        format!("commands take effect {} after they were sent; the model had no delay", quantity(values[0], "s"))
+    fn statement(&self, values: &[Estimate], scene: &Scene) -> String {
+        let said =
+            late::each(self.each_axis, values, scene, |whose, v| format!("{whose} take effect {} after they were sent", quantity(v, "s")));
+        format!("{said}; the model had no delay")
     }
 
     fn excitation(&self) -> &'static str {
-        "steps of the command, or motion faster than a few times per second"
+        late::EXCITATION
     }
 
     fn confusions(&self) -> &'static [Confusion] {
-        &[Confusion {
-            with: "actuator_lag",
-            because: "under slow commands a delay and a lag of the same length are the same; only the sum with the model's own lag shows",
-        }]
+        &[
+            Confusion {
+                with: "actuator_lag",
+                because: "under slow commands a delay and a lag of the same length are the same; only the sum with the model's own lag shows",
+            },
+            Confusion {
+                with: "sensor_delay",
+                because: "always: late commands and late measurements shift the response alike; only a clock that both share tells them apart",
+            },
+            Confusion { with: "theta1", because: "under slow commands the delay is a longer time constant" },
+            Confusion {
+                with: "encoder_quantisation",
+                because: "speeds differenced from counts are means over a sample: late by half of it",
+            },
+        ]
     }
 
     fn next_switch(&self, p: &[f64], at: &Instant<'_>, _state: &[f64]) -> f64 {
-        let row = at.row_at(at.time - p[0]);
-        at.stretch.time.get(row + 1).map_or(f64::INFINITY, |next| next + p[0])
+        let next = |delay: &f64| {
+            let row = at.row_at(at.time - delay);
+            at.stretch.time.get(row + 1).map_or(f64::INFINITY, |next| next + delay)
+        };
+        p.iter().map(next).fold(f64::INFINITY, f64::min)
     }
 
     fn command(&self, p: &[f64], at: &Instant<'_>, _outputs: &[f64], _state: &mut [f64], u: &mut [f64]) {
         // The end of a step belongs to the command before the switch.
-        let row = at.row_at(at.time - 1e-6 * at.span - p[0]);
-        u.iter_mut().zip(&at.stretch.inputs).for_each(|(u, column)| *u = column[row]);
+        let row = |delay: f64| at.row_at(at.time - 1e-6 * at.span - delay);
+        if let [delay] = *p {
+            let row = row(delay);
+            u.iter_mut().zip(&at.stretch.inputs).for_each(|(u, column)| *u = column[row]);
+        } else {
+            u.iter_mut().zip(&at.stretch.inputs).zip(p).for_each(|((u, column), delay)| *u = column[row(*delay)]);
+        }
     }
 }

@@ -2,8 +2,16 @@
 //!
 //! | name | place | in one line |
 //! |---|---|---|
-//! | `actuator_lag` | command | the drive follows its command with a second time constant |
 //! | `command_delay` | command | commands arrive late |
+//! | `slew_limit` | command | commands are ramped |
+//! | `dead_zone` | command | small commands do nothing |
+//! | `velocity_saturation` | command | large commands are clipped |
+//! | `gain_asymmetry` | command | the wheels answer unequally |
+//! | `battery_sag` | command | all commands lose effect with time |
+//! | `command_offset` | command | a constant is added |
+//! | `actuator_lag` | command | the drive follows its command with a second time constant |
+//! | `integral_action` | command | the speed loops integrate |
+//! | `torque_saturation` | dynamics | the drives' force is limited |
 //! | `coulomb_friction` | dynamics | dry friction of constant size at both wheels |
 //! | `coulomb_friction_one_wheel` | dynamics | dry friction at one wheel |
 //! | `direction_asymmetry` | dynamics | dry friction that differs forwards and backwards |
@@ -13,14 +21,24 @@
 //! | `viscous_asymmetry` | dynamics | viscous friction that differs between wheels or directions |
 
 mod actuator_lag;
+mod battery_sag;
 mod command_delay;
+mod command_offset;
 mod coulomb_friction;
 mod coulomb_friction_one_wheel;
+mod dead_zone;
 mod direction_asymmetry;
 mod force;
+mod gain_asymmetry;
+mod integral_action;
+mod late;
+mod parts;
 mod quadratic_drag;
 mod rolling_resistance;
+mod slew_limit;
 mod stribeck_friction;
+mod torque_saturation;
+mod velocity_saturation;
 mod viscous_asymmetry;
 mod words;
 
@@ -29,20 +47,59 @@ use wheelwright_core::Effect;
 pub(crate) use words::digits;
 
 pub use actuator_lag::ActuatorLag;
+pub use battery_sag::BatterySag;
 pub use command_delay::CommandDelay;
+pub use command_offset::CommandOffset;
 pub use coulomb_friction::CoulombFriction;
 pub use coulomb_friction_one_wheel::CoulombFrictionOneWheel;
+pub use dead_zone::DeadZone;
 pub use direction_asymmetry::DirectionAsymmetry;
 pub use force::Wheel;
+pub use gain_asymmetry::GainAsymmetry;
+pub use integral_action::IntegralAction;
+pub use parts::Axis;
 pub use quadratic_drag::QuadraticDrag;
 pub use rolling_resistance::RollingResistance;
+pub use slew_limit::SlewLimit;
 pub use stribeck_friction::StribeckFriction;
+pub use torque_saturation::TorqueSaturation;
+pub use velocity_saturation::VelocitySaturation;
 pub use viscous_asymmetry::{Between, ViscousAsymmetry};
 
 /// The built-in effects in the order in which they are tried; effects with a side or an axis stand once for each.
 pub fn library() -> Vec<Box<dyn Effect>> {
-    let mut all: Vec<Box<dyn Effect>> = vec![Box::new(CommandDelay {}), Box::new(ActuatorLag {})];
+    let mut all = command_side();
     all.extend(dynamics());
+    all
+}
+
+/// Effects between what was sent and what drives.
+fn command_side() -> Vec<Box<dyn Effect>> {
+    let mut all: Vec<Box<dyn Effect>> = vec![
+        Box::new(CommandDelay::default()),
+        Box::new(CommandDelay { each_axis: true }),
+        Box::new(ActuatorLag::default()),
+        Box::new(ActuatorLag { each_axis: true, resonant: false }),
+        Box::new(ActuatorLag { each_axis: false, resonant: true }),
+        Box::new(SlewLimit::default()),
+        Box::new(SlewLimit { wheels: true, axis: None }),
+        Box::new(DeadZone::default()),
+        Box::new(DeadZone { subtracting: true, ..DeadZone::default() }),
+        Box::new(VelocitySaturation::default()),
+        Box::new(TorqueSaturation {}),
+        Box::new(GainAsymmetry {}),
+        Box::new(BatterySag {}),
+        Box::new(IntegralAction {}),
+        Box::new(CommandOffset {}),
+    ];
+    for axis in [Axis::V, Axis::Omega] {
+        all.push(Box::new(SlewLimit { axis: Some(axis), wheels: false }));
+        all.push(Box::new(DeadZone { axis: Some(axis), ..DeadZone::default() }));
+        all.push(Box::new(VelocitySaturation { axis: Some(axis), wheel: None }));
+    }
+    for wheel in [Wheel::Left, Wheel::Right] {
+        all.push(Box::new(DeadZone { wheel: Some(wheel), ..DeadZone::default() }));
+    }
     all
 }
 

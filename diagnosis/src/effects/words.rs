@@ -2,6 +2,8 @@
 
 use wheelwright_core::effect::Estimate;
 
+use super::parts::Part;
+
 /// A value with its unit and, if there is one, its interval: `0.31 V (0.29 to 0.33)`.
 pub(super) fn quantity(estimate: Estimate, unit: &str) -> String {
     let unit = if unit == "1" { String::new() } else { format!(" {unit}") };
@@ -23,6 +25,11 @@ pub(super) fn percent(share: f64) -> String {
     if percent.abs() < 10.0 { format!("{percent:.1} %") } else { format!("{percent:.0} %") }
 }
 
+/// What is said of each part with its value, joined.
+pub(super) fn each(parts: &[Part], values: &[Estimate], say: impl Fn(&Part, Estimate) -> String) -> String {
+    parts.iter().zip(values).map(|(part, value)| say(part, *value)).collect::<Vec<_>>().join(", ")
+}
+
 /// Three significant digits.
 pub(crate) fn digits(value: f64) -> String {
     if value == 0.0 || !value.is_finite() {
@@ -34,7 +41,7 @@ pub(crate) fn digits(value: f64) -> String {
 
 /// Width of the smooth sign of a friction, as a share of the typical wheel speed: narrow against any motion that matters, wide
 /// enough to be stepped through.
-const KINK: f64 = 0.008;
+pub(super) const KINK: f64 = 0.008;
 
 /// The sign of a speed, smooth within the kink.
 pub(super) fn smooth_sign(speed: f64, typical: f64) -> f64 {

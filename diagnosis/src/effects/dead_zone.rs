@@ -1,0 +1,117 @@
+//! Small commands do nothing: U' = U where |U| ≥ d and 0 below, or U' = sgn U · max(|U| − d, 0), on each wheel or on an axis.
+
+use serde::{Deserialize, Serialize};
+use wheelwright_core::Effect;
+use wheelwright_core::effect::{Confusion, EffectParameter, Estimate, Instant, Scene, Stage, Start};
+
+use super::force::Wheel;
+use super::parts::{Axis, Parts, shares};
+use super::words::{KINK, each, quantity};
+
+/// A threshold in the command path: a drive that does not turn below some command, a joystick's or a controller's dead band.
+#[derive(Debug, Clone, Default, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct DeadZone {
+    /// Whether what passes is smaller by the threshold, so that nothing jumps.
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    pub subtracting: bool,
+    /// One wheel only.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub wheel: Option<Wheel>,
+    /// On the forward or the turning command in place of the wheels'.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub axis: Option<Axis>,
+}
+
+impl DeadZone {
+    fn parts(&self, scene: &Scene) -> Parts {
+        Parts::of(scene.frame, self.wheel, self.axis)
+    }
+}
+
+#[typetag::serde(name = "dead_zone")]
+impl Effect for DeadZone {
+    fn name(&self) -> &str {
+        "dead_zone"
+    }
+
+    fn about(&self) -> String {
+        "commands below a threshold do nothing".to_owned()
+    }
+
+    fn stage(&self) -> Stage {
+        Stage::Threshold
+    }
+
+    fn inapplicable(&self, scene: &Scene) -> Option<String> {
+        Parts::refuse(scene.frame, self.wheel, self.axis)
+    }
+
+    fn parameters(&self, scene: &Scene) -> Vec<EffectParameter> {
+        let of = |p: super::parts::Part| p.parameter("threshold", &p.unit, (0.0, p.largest), 0.03 * p.typical).neutral(0.0);
+        self.parts(scene).list(scene).into_iter().map(of).collect()
+    }
+
+    fn starts(&self, scene: &Scene) -> Vec<Start> {
+        let sizes: Vec<f64> = self.parts(scene).list(scene).iter().map(|p| p.typical).collect();
+        shares(&sizes, &[0.02, 0.03, 0.045, 0.065, 0.09, 0.13, 0.18, 0.25, 0.35, 0.5, 0.7, 0.95])
+    }
+
+    fn statement(&self, values: &[Estimate], scene: &Scene) -> String {
+        let parts = self.parts(scene).list(scene);
+        let rest = if self.subtracting { ", and larger ones lose as much" } else { "" };
+        match (self.wheel, self.axis, &*parts) {
+            (Some(w), _, [part]) => {
+                format!(
+                    "the {} wheel does not move for commands below {}{rest}; the model had no dead zone",
+                    w.word(),
+                    quantity(values[0], &part.unit)
+                )
+            }
+            (None, None, [part]) => {
+                format!("a wheel does not move for commands below {}{rest}; the model had no dead zone", quantity(values[0], &part.unit))
+            }
+            _ => {
+                let said = each(&parts, values, |p, v| format!("{} command does nothing below {}", p.whose, quantity(v, &p.unit)));
+                format!("{said}{rest}; the model had no dead zone")
+            }
+        }
+    }
+
+    fn excitation(&self) -> &'static str {
+        "slow commands from standstill, some below and some above the threshold, in both directions"
+    }
+
+    fn confusions(&self) -> &'static [Confusion] {
+        &[
+            Confusion {
+                with: "coulomb_friction",
+                because: "a dead zone that subtracts is friction but for its phase at reversals: it acts by the sign of the command, friction by that of the motion",
+            },
+            Confusion {
+                with: "stribeck_friction",
+                because: "a wheel that sticks until its command exceeds a threshold and a command that is withheld until then start alike",
+            },
+            Confusion {
+                with: "command_offset",
+                because: "while no command changes its sign, a dead zone that subtracts takes a constant off",
+            },
+        ]
+    }
+
+    fn command(&self, p: &[f64], at: &Instant<'_>, _outputs: &[f64], _state: &mut [f64], u: &mut [f64]) {
+        let typical = at.scene.scales.command;
+        self.parts(at.scene).change(u, |_, i, command| {
+            let (size, threshold) = (command.abs(), p[i]);
+            if threshold <= 0.0 {
+                command
+            } else if self.subtracting {
+                command.signum() * (size - threshold).max(0.0)
+            } else {
+                // A steep passage in place of a jump: narrow against any command that matters, and there is a slope to climb.
+                let width = (KINK * typical).min(0.25 * threshold);
+                0.5 * command * (1.0 + ((size - threshold) / width).tanh())
+            }
+        });
+    }
+}

@@ -1,0 +1,81 @@
+//! The wheels answer their commands unequally: U_R' = (1 + g) U_R, U_L' = (1 − g) U_L.
+
+use serde::{Deserialize, Serialize};
+use wheelwright_core::Effect;
+use wheelwright_core::effect::{Confusion, EffectParameter, Estimate, Instant, Scene, Stage, Start};
+
+use super::words::{digits, quantity};
+
+/// A stronger wheel: unequal motors, amplifiers, or wheels in a drive without encoders.
+#[derive(Debug, Clone, Default, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct GainAsymmetry {}
+
+#[typetag::serde(name = "gain_asymmetry")]
+impl Effect for GainAsymmetry {
+    fn name(&self) -> &str {
+        "gain_asymmetry"
+    }
+
+    fn about(&self) -> String {
+        "the wheels answer their commands unequally".to_owned()
+    }
+
+    fn stage(&self) -> Stage {
+        Stage::Gain
+    }
+
+    fn inapplicable(&self, scene: &Scene) -> Option<String> {
+        (!scene.frame.has_wheels()).then(|| "the model's channels do not tell the wheels' commands".to_owned())
+    }
+
+    fn parameters(&self, _scene: &Scene) -> Vec<EffectParameter> {
+        vec![EffectParameter::new("gain", "1", (-0.5, 0.5), 0.02).neutral(0.0)]
+    }
+
+    fn starts(&self, _scene: &Scene) -> Vec<Start> {
+        vec![Start { values: vec![0.02], columns: vec![vec![0]], linear: true }]
+    }
+
+    fn statement(&self, values: &[Estimate], _scene: &Scene) -> String {
+        let g = values[0];
+        let (strong, weak) = if g.value < 0.0 { ("left", "right") } else { ("right", "left") };
+        let percent = |x: f64| 100.0 * x * if g.value < 0.0 { -1.0 } else { 1.0 };
+        let ends = g.ci95.map(|(a, b)| (percent(a).min(percent(b)), percent(a).max(percent(b))));
+        format!(
+            "the {strong} wheel answers its command {} too strongly and the {weak} wheel as much too weakly: the robot veers {} by {} of its forward speed; the model had equal wheels",
+            quantity(Estimate { value: percent(g.value), ci95: ends }, "%"),
+            weak,
+            digits(2.0 * g.value.abs()),
+        )
+    }
+
+    fn excitation(&self) -> &'static str {
+        "straight driving at several speeds, forwards and backwards, and turning on the spot"
+    }
+
+    fn confusions(&self) -> &'static [Confusion] {
+        &[
+            Confusion {
+                with: "wheel_radius_mismatch",
+                because: "a gain before the drive and one behind it differ only in what the two axes' different time constants leave of them",
+            },
+            Confusion { with: "command_offset", because: "at one forward speed a veer in proportion to it is a constant turning command" },
+            Confusion {
+                with: "coulomb_friction_one_wheel",
+                because: "while the robot drives one way at one speed, a wheel held back and a wheel with less gain veer alike",
+            },
+            Confusion {
+                with: "lateral_com_offset",
+                because: "a mass off the middle makes the robot veer too, but only while it speeds up or slows down",
+            },
+        ]
+    }
+
+    fn command(&self, p: &[f64], at: &Instant<'_>, _outputs: &[f64], _state: &mut [f64], u: &mut [f64]) {
+        let frame = at.scene.frame;
+        let [left, right] = frame.wheels(u);
+        let added = frame.from_wheels([-p[0] * left, p[0] * right]);
+        u.iter_mut().zip(added).for_each(|(u, d)| *u += d);
+    }
+}

@@ -1,0 +1,189 @@
+//! Effects between command and drive against integrations with very small steps, each equation written anew.
+
+#![allow(clippy::unwrap_used)]
+
+mod common;
+
+use common::{HALF_TRACK, base, data, difference, held, model, scene};
+use wheelwright_diagnosis::effects::{
+    ActuatorLag, Axis, BatterySag, CommandDelay, CommandOffset, DeadZone, GainAsymmetry, IntegralAction, SlewLimit, TorqueSaturation,
+    VelocitySaturation, Wheel,
+};
+
+/// Left and right of forward and turning.
+fn wheels([v, w]: [f64; 2]) -> [f64; 2] {
+    [v - HALF_TRACK * w, v + HALF_TRACK * w]
+}
+
+/// Forward and turning of left and right.
+fn body([l, r]: [f64; 2]) -> [f64; 2] {
+    [(l + r) / 2.0, (r - l) / (2.0 * HALF_TRACK)]
+}
+
+/// Times at which commands arrive that are late by `tau`.
+fn late(tau: f64) -> Vec<f64> {
+    data(&*model()).stretches[0].time.iter().map(|t| t + tau).collect()
+}
+
+#[test]
+fn a_delay_of_each_axis_shifts_each_command_by_itself() {
+    let [forward, turn] = [0.137, 0.044];
+    let switches = [late(forward), late(turn)].concat();
+    let error = difference(&[&CommandDelay { each_axis: true }], &[forward, turn], &switches, [0.3, 0.2], |s, t, x| {
+        base([held(s, t - forward)[0], held(s, t - turn)[1]], x)
+    });
+    assert!(error < 5e-5, "{error}");
+}
+
+#[test]
+fn a_lag_of_each_axis_filters_each_command_by_itself() {
+    let [forward, turn] = [0.03, 0.22];
+    let lag = ActuatorLag { each_axis: true, resonant: false };
+    let error = difference(&[&lag], &[forward, turn], &[], [0.3, 0.2, 0.3, 0.2], |s, t, x| {
+        let (u, a) = (held(s, t), base([x[2], x[3]], x));
+        [a[0], a[1], (u[0] - x[2]) / forward, (u[1] - x[3]) / turn]
+    });
+    assert!(error < 5e-5, "{error}");
+}
+
+#[test]
+fn a_resonance_rings() {
+    for (tau, damping) in [(0.02, 0.15), (0.09, 0.5), (0.09, 1.0)] {
+        let lag = ActuatorLag { each_axis: false, resonant: true };
+        let error = difference(&[&lag], &[tau, damping], &[], [0.3, 0.2, 0.3, 0.2, 0.0, 0.0], |s, t, x| {
+            let (u, a) = (held(s, t), base([x[2], x[3]], x));
+            let pull = |u: f64, y: f64, slope: f64| (u - y - 2.0 * damping * tau * slope) / (tau * tau);
+            [a[0], a[1], x[4], x[5], pull(u[0], x[2], x[4]), pull(u[1], x[3], x[5])]
+        });
+        assert!(error < 1e-4, "{tau} s, {damping}: {error}");
+    }
+}
+
+#[test]
+fn a_dead_zone_lets_no_small_command_pass() {
+    let d = 0.11;
+    let width = 0.008 * scene().scales.command;
+    let jump = |u: f64| 0.5 * u * (1.0 + ((u.abs() - d) / width).tanh());
+    let less = |u: f64| {
+        if u > d {
+            u - d
+        } else if u < -d {
+            u + d
+        } else {
+            0.0
+        }
+    };
+    let both = difference(&[&DeadZone::default()], &[d], &[], [0.3, 0.2], |s, t, x| base(body(wheels(held(s, t)).map(jump)), x));
+    let subtracting = DeadZone { subtracting: true, ..DeadZone::default() };
+    let soft = difference(&[&subtracting], &[d], &[], [0.3, 0.2], |s, t, x| base(body(wheels(held(s, t)).map(less)), x));
+    let left = DeadZone { wheel: Some(Wheel::Left), ..DeadZone::default() };
+    let left = difference(&[&left], &[d], &[], [0.3, 0.2], |s, t, x| {
+        let [l, r] = wheels(held(s, t));
+        base(body([jump(l), r]), x)
+    });
+    let turning = DeadZone { axis: Some(Axis::Omega), ..DeadZone::default() };
+    let turning = difference(&[&turning], &[d], &[], [0.3, 0.2], |s, t, x| {
+        let [v, w] = held(s, t);
+        base([v, jump(w)], x)
+    });
+    for error in [both, soft, left, turning] {
+        assert!(error < 5e-5, "{both} {soft} {left} {turning}");
+    }
+}
+
+#[test]
+fn a_limit_clips_wheels_or_an_axis() {
+    let m = 0.33;
+    let clip = |u: f64| u.max(-m).min(m);
+    let both = difference(&[&VelocitySaturation::default()], &[m], &[], [0.3, 0.2], |s, t, x| base(body(wheels(held(s, t)).map(clip)), x));
+    let forward = VelocitySaturation { axis: Some(Axis::V), wheel: None };
+    let forward = difference(&[&forward], &[m], &[], [0.3, 0.2], |s, t, x| {
+        let [v, w] = held(s, t);
+        base([clip(v), w], x)
+    });
+    assert!(both < 5e-5 && forward < 5e-5, "{both} {forward}");
+}
+
+/// A ramp as a very fast pursuit of limited speed.
+fn ramp(goal: f64, at: f64, rate: f64) -> f64 {
+    ((goal - at) / 1e-4).max(-rate).min(rate)
+}
+
+#[test]
+fn a_ramp_bounds_the_rate_of_each_axis() {
+    for (forward, turn) in [(0.4, 1.3), (3.0, 0.8)] {
+        let error = difference(&[&SlewLimit::default()], &[forward, turn], &[], [0.3, 0.2, 0.3, 0.2], |s, t, x| {
+            let (u, a) = (held(s, t), base([x[2], x[3]], x));
+            [a[0], a[1], ramp(u[0], x[2], forward), ramp(u[1], x[3], turn)]
+        });
+        assert!(error < 5e-5, "{forward} {turn}: {error}");
+    }
+}
+
+#[test]
+fn a_ramp_may_act_on_wheels_or_on_one_axis() {
+    let wheel = SlewLimit { wheels: true, axis: None };
+    let [l, r] = wheels([0.3, 0.2]);
+    let at_wheels = difference(&[&wheel], &[0.7], &[], [0.3, 0.2, l, r], |s, t, x| {
+        let ([l, r], a) = (wheels(held(s, t)), base(body([x[2], x[3]]), x));
+        [a[0], a[1], ramp(l, x[2], 0.7), ramp(r, x[3], 0.7)]
+    });
+    let turning = SlewLimit { wheels: false, axis: Some(Axis::Omega) };
+    let turning = difference(&[&turning], &[1.1], &[], [0.3, 0.2, 0.2], |s, t, x| {
+        let (u, a) = (held(s, t), base([held(s, t)[0], x[2]], x));
+        [a[0], a[1], ramp(u[1], x[2], 1.1)]
+    });
+    assert!(at_wheels < 5e-5 && turning < 5e-5, "{at_wheels} {turning}");
+}
+
+#[test]
+fn a_stronger_wheel_makes_the_robot_veer() {
+    let g = 0.07;
+    let error = difference(&[&GainAsymmetry {}], &[g], &[], [0.3, 0.2], |s, t, x| {
+        let [l, r] = wheels(held(s, t));
+        base(body([(1.0 - g) * l, (1.0 + g) * r]), x)
+    });
+    assert!(error < 5e-5, "{error}");
+}
+
+#[test]
+fn a_battery_runs_down() {
+    let k = 0.006;
+    let error = difference(&[&BatterySag {}], &[k], &[], [0.3, 0.2], |s, t, x| base(held(s, t).map(|u| u * (1.0 - k * t)), x));
+    assert!(error < 5e-5, "{error}");
+}
+
+#[test]
+fn an_offset_is_added() {
+    let error = difference(&[&CommandOffset {}], &[0.04, -0.09], &[], [0.3, 0.2], |s, t, x| {
+        let [v, w] = held(s, t);
+        base([v + 0.04, w - 0.09], x)
+    });
+    assert!(error < 5e-5, "{error}");
+}
+
+#[test]
+fn loops_integrate_their_error() {
+    for (forward, turn) in [(0.4, 0.0), (2.5, 6.0)] {
+        let error = difference(&[&IntegralAction {}], &[forward, turn], &[], [0.3, 0.2, 0.0, 0.0], |s, t, x| {
+            let u = held(s, t);
+            let a = base([u[0] + x[2], u[1] + x[3]], x);
+            [a[0], a[1], forward * (u[0] - x[0]), turn * (u[1] - x[1])]
+        });
+        assert!(error < 1e-4, "{forward} {turn}: {error}");
+    }
+}
+
+#[test]
+fn a_drive_pulls_no_harder_than_its_limit() {
+    for (limit, rho) in [(0.1, 1.0), (0.16, 1.9)] {
+        let error = difference(&[&TorqueSaturation {}], &[limit, rho], &[], [0.3, 0.2], |s, t, x| {
+            let u = held(s, t);
+            // Each wheel pulls by what its share of both loops asks for, up to the limit.
+            let asked = wheels([u[0] - x[0], (u[1] - x[1]) / rho]);
+            let [forward, turn] = body(asked.map(|e| e.max(-limit).min(limit)));
+            base([x[0] + forward, x[1] + rho * turn], x)
+        });
+        assert!(error < 2e-4, "{limit} {rho}: {error}");
+    }
+}
