@@ -1,7 +1,7 @@
 """Concealed cases from a physics engine that nobody here wrote: MuJoCo.
 
     python tests/concealed/mujoco_cases.py make --out DIR --key KEY.json --seed S \
-        --set nulls|singles|pairs|other_forms|outside|mixed --count N [--jobs 1]
+        --set nulls|singles|pairs|other_forms|outside|mixed --count N [--jobs 1] [--engine mujoco|bullet]
 
 writes N case folders (train.csv, validate.csv, robot.toml) into DIR and the key outside it. The same seed gives the same bytes.
 Needs numpy and mujoco (`pip install numpy mujoco`); it is not part of the project's own tests. See MUJOCO.md beside this file.
@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import argparse
 import csv
+import importlib.metadata
 import json
 import sys
 from concurrent.futures import ProcessPoolExecutor
@@ -24,17 +25,25 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 
-from mujoco_lab import drives, effects, sensing, theta  # noqa: E402
+from mujoco_lab import drives, effects, sensing, theta, world  # noqa: E402
 from mujoco_lab.hidden import Hidden  # noqa: E402
 from mujoco_lab.robots import draw_robot  # noqa: E402
-from mujoco_lab.world import simulate  # noqa: E402
 
-FAINT = 15.0  # a case below this log-likelihood ratio is drawn once more, stronger
+FAINT = 15.0  # a case with an effect below this log-likelihood ratio is drawn again, stronger, at most twice
 KINDS = {"nulls": "none", "singles": "single", "pairs": "pair", "other_forms": "other_form", "outside": "outside"}
 MIXED = (("nulls", 0.20), ("singles", 0.45), ("pairs", 0.13), ("other_forms", 0.08), ("outside", 0.14))
 
 
-def plan(which: str, count: int, seed: int) -> list[tuple[str, list[effects.Recipe]]]:
+def engine(name: str):
+    """(simulate, version, recipes it can hide) of an engine."""
+    if name == "mujoco":
+        return world.simulate, f"mujoco {mujoco.__version__}", lambda r: True
+    from mujoco_lab import bullet
+
+    return bullet.simulate, f"pybullet {importlib.metadata.version('pybullet')}", lambda r: r.apply.__name__ in bullet.CAN
+
+
+def plan(which: str, count: int, seed: int, can) -> list[tuple[str, list[effects.Recipe]]]:
     """What each case hides, stratified over the catalogue, in shuffled order."""
     rng = np.random.default_rng([seed, 1])
     sets = [which] * count
@@ -42,6 +51,7 @@ def plan(which: str, count: int, seed: int) -> list[tuple[str, list[effects.Reci
         sets = [name for name, share in MIXED for _ in range(round(share * count))]
         sets = (sets + ["singles"] * count)[:count]
     pools = {"singles": effects.RECIPES, "other_forms": effects.OTHER_FORMS, "outside": effects.OUTSIDE}
+    pools = {name: [r for r in recipes if can(r)] for name, recipes in pools.items()}
     queues: dict[str, list] = {name: [] for name in pools}
     out = []
     for name in sets:
@@ -49,7 +59,7 @@ def plan(which: str, count: int, seed: int) -> list[tuple[str, list[effects.Reci
             out.append((name, []))
             continue
         if name == "pairs":
-            out.append((name, _pair(rng)))
+            out.append((name, _pair(rng, pools["singles"])))
             continue
         if not queues[name]:
             queues[name] = [pools[name][i] for i in rng.permutation(len(pools[name]))]
@@ -57,10 +67,10 @@ def plan(which: str, count: int, seed: int) -> list[tuple[str, list[effects.Reci
     return [out[i] for i in rng.permutation(len(out))]
 
 
-def _pair(rng) -> list[effects.Recipe]:
+def _pair(rng, recipes) -> list[effects.Recipe]:
     """Two effects of different families that one robot can carry."""
     while True:
-        a, b = (effects.RECIPES[i] for i in rng.integers(len(effects.RECIPES), size=2))
+        a, b = (recipes[i] for i in rng.integers(len(recipes), size=2))
         if a.family == b.family or {a.family, b.family} == {"sensing", "timing"} or {a.family, b.family} == {"limit", "slip"}:
             continue
         if (a.castor and b.four_wheels) or (b.castor and a.four_wheels) or {a.channels, b.channels} == {"body", "odometry"}:
@@ -83,9 +93,13 @@ def _draw(name: str, recipes: list[effects.Recipe], rng, strength_floor: float) 
     train = drives.drive(train_kind, rng, seconds, rate, robot)
     hidden = Hidden(carpet_tile=3.0 * robot.v_max)
     strengths = [max(rng.uniform(0.15, 1.0), strength_floor) for _ in recipes]
-    parameters = [r.apply(hidden, robot, s, rng, train, rate) for r, s in zip(recipes, strengths)]
+    seeds = [int(x) for x in rng.integers(2**32, size=len(recipes))]
+    parameters = _apply(hidden, recipes, robot, strengths, seeds, train, rate)
     seconds_b = max(rng.uniform(60.0, 120.0), hidden.payload_time + 20.0)
     validate = drives.drive(validate_kind, rng, seconds_b, rate, robot)
+    alone = [Hidden(carpet_tile=hidden.carpet_tile) for _ in recipes]
+    for i, one in enumerate(alone):
+        _apply(one, recipes[i : i + 1], robot, strengths[i:], seeds[i:], train, rate)
     again = replace(hidden, pushes=[], dropouts=[])
     for r, s in zip(recipes, strengths):
         if r.apply in (effects.push, effects.dropout):
@@ -96,25 +110,50 @@ def _draw(name: str, recipes: list[effects.Recipe], rng, strength_floor: float) 
     )
     return {
         "robot": robot, "hidden": hidden, "again": again, "train": train, "validate": validate, "setup": setup, "strengths": strengths,
-        "parameters": parameters, "train_kind": train_kind, "validate_kind": validate_kind,
+        "clock": int(rng.integers(2**32)), "alone": alone, "parameters": parameters, "train_kind": train_kind, "validate_kind": validate_kind,
     }
+
+
+def _apply(hidden: Hidden, recipes, robot, strengths, seeds, commands, rate) -> list[dict]:
+    """Hide each effect, with random numbers of its own, so that the same effect can be hidden alone too."""
+    return [r.apply(hidden, robot, s, np.random.default_rng(x), commands, rate) for r, s, x in zip(recipes, strengths, seeds)]
+
+
+def _clock(case: dict, file: int):
+    """The random numbers of a recording's sampling instants."""
+    return np.random.default_rng([case["clock"], file])
+
+
+def _each(case: dict, truth: sensing.Truth) -> list[float]:
+    """Of a pair: what each effect changes that neither the other nor the plain parameters explain (linearised)."""
+    setup, robot = case["setup"], case["robot"]
+    pole = sensing.COLOURED_POLE if setup.noise == "coloured" else 0.0
+    dt, sigma, out = 1.0 / setup.rate_hz, np.array(setup.level), []
+    for other in reversed(case["alone"]):
+        run = case["simulate"](robot, other, case["train"], setup.rate_hz)
+        without = sensing.observe(run, robot, other, setup, _clock(case, 0))
+        y = _rounded(without, case | {"hidden": other})
+        plain = theta.fit(y, case["train"], dt, _start(robot), sigma, pole)[0]
+        out.append(theta.beyond(_rounded(truth, case) - y, case["train"], dt, plain, y[0], sigma, pole))
+    return out
+
+
+def _start(robot) -> np.ndarray:
+    return np.array([robot.theta1, robot.theta2, 0.0, 1.1, 0.0, 1.1])
 
 
 def _misfit(y: np.ndarray, case: dict) -> float:
     """Twice the log-likelihood ratio by which the plain model, refitted, misses the noise-free signals `y`."""
     robot, setup = case["robot"], case["setup"]
     pole = sensing.COLOURED_POLE if setup.noise == "coloured" else 0.0
-    start = np.array([robot.theta1, robot.theta2, 0.0, 1.1, 0.0, 1.1])
-    guesses = [start, start * np.array([1.6, 1.6, 1, 1, 1, 1])]
+    guesses = [_start(robot), _start(robot) * np.array([1.6, 1.6, 1, 1, 1, 1])]
     return min(theta.fit(y, case["train"], 1.0 / setup.rate_hz, g, np.array(setup.level), pole)[1] for g in guesses)
 
 
 def _geometry_misfit(truth: sensing.Truth, case: dict) -> float:
-    """How far the wheels' odometry is from the body's motion, in units of the noise (for causes that only that comparison shows)."""
-    odo = sensing.odometry(truth.wheels, case["robot"])
-    rate = case["setup"].rate_hz
-    turned = np.column_stack([np.zeros(2), np.cumsum(odo[:-1], axis=0).T / rate]).T
-    return float(np.sum(((turned[:, 1] - truth.pose[:, 2]) / 0.002) ** 2) / 2.0) if len(truth.pose) else 0.0
+    """How far the heading by odometry is from the body's, in units of the pose's noise (for causes that only this comparison shows)."""
+    turned = np.cumsum(sensing.odometry(truth.wheels, case["robot"])[:-1, 1]) / case["setup"].rate_hz
+    return float(np.sum(((turned - truth.pose[1:, 2]) / sensing.HEADING_NOISE) ** 2) / 2.0)
 
 
 def _with_levels(case: dict, truth: sensing.Truth) -> None:
@@ -147,17 +186,18 @@ def _ceiling(truth: sensing.Truth, columns: dict) -> dict:
     return out
 
 
-def _attempt(name: str, recipes, seed: int, index: int, attempt: int, strength_floor: float) -> dict:
+def _attempt(name: str, recipes, seed: int, index: int, attempt: int, strength_floor: float, engine_name: str = "mujoco") -> dict:
     rng = np.random.default_rng([seed, 2, index, attempt])
     case = _draw(name, recipes, rng, strength_floor)
     robot, setup = case["robot"], case["setup"]
-    runs = [simulate(robot, case[h], case[u], setup.rate_hz) for h, u in (("hidden", "train"), ("again", "validate"))]
-    truths = [sensing.observe(run, robot, case["hidden"], setup, rng) for run in runs]
+    case["simulate"] = engine(engine_name)[0]
+    runs = [case["simulate"](robot, case[h], case[u], setup.rate_hz) for h, u in (("hidden", "train"), ("again", "validate"))]
+    truths = [sensing.observe(run, robot, case["hidden"], setup, _clock(case, i)) for i, run in enumerate(runs)]
     _with_levels(case, truths[0])
     case["detectability"] = _misfit(_rounded(truths[0], case), case)
     if any(r.family == "geometry" and r.extras for r in recipes):
         case["detectability"] = max(case["detectability"], _geometry_misfit(truths[0], case))
-    case["truths"] = truths
+    case["each"] = _each(case, truths[0]) if len(recipes) > 1 else None
     case["columns"] = [
         sensing.record(truth, case[u], robot, case["hidden"], setup, rng) for truth, u in zip(truths, ("train", "validate"))
     ]
@@ -172,14 +212,15 @@ def _attempt(name: str, recipes, seed: int, index: int, attempt: int, strength_f
 
 def make_case(job: tuple) -> dict:
     """Simulate, record and write one case; returns its entry in the key."""
-    index, name, recipes, seed, out = job
+    index, name, recipes, seed, out, engine_name = job
     case = None
     for attempt in range(6):
         try:
-            case = _attempt(name, recipes, seed, index, attempt, 0.0 if case is None else 0.6)
+            case = _attempt(name, recipes, seed, index, attempt, 0.0 if case is None else 0.6, engine_name)
         except (ArithmeticError, np.linalg.LinAlgError):
             continue
-        if not recipes or case["detectability"] >= FAINT or attempt >= 2:
+        weakest = min([case["detectability"], *(case["each"] or [])])
+        if not recipes or weakest >= FAINT or attempt >= 2:
             break
     if case is None:
         raise RuntimeError(f"case {index}: the engine diverged six times")
@@ -193,7 +234,7 @@ def make_case(job: tuple) -> dict:
         f'name = "robot-{index + 1}"\nmodel = "{"wheel-pd" if robot.level == "wheel" else "vw-pd"}"\n'
         f"track_width = {track:.4g}\nwheel_radius = {radius:.4g}\nmass = {mass:.3g}\n"
     )
-    return _entry(folder.name, name, recipes, case)
+    return _entry(folder.name, name, recipes, case, engine_name)
 
 
 def _write_csv(path: Path, columns: dict[str, np.ndarray]) -> None:
@@ -203,7 +244,7 @@ def _write_csv(path: Path, columns: dict[str, np.ndarray]) -> None:
         rows.writerows([format(x, ".7g") for x in row] for row in zip(*columns.values()))
 
 
-def _entry(case_name: str, name: str, recipes, case: dict) -> dict:
+def _entry(case_name: str, name: str, recipes, case: dict, engine_name: str) -> dict:
     setup, robot, hidden = case["setup"], case["robot"], case["hidden"]
     named = [(r, p) for r, p in zip(recipes, case["parameters"]) if r.effect]
     alike = [effects.equivalents(r.effect, p, case["reverses"], case["train_kind"], setup.channels, setup.wheels) for r, p in named]
@@ -234,9 +275,9 @@ def _entry(case_name: str, name: str, recipes, case: dict) -> dict:
         "regions": [{"of": "v", "from": -hidden.dead, "to": hidden.dead}] if hidden.dead > 0 else None,
         "noise_ceiling": case["ceiling"],
         "engine": {
-            "name": "mujoco", "channels": setup.channels, "servo": robot.level, "family": robot.family, "castor": robot.castor,
+            "name": engine_name, "channels": setup.channels, "servo": robot.level, "family": robot.family, "castor": robot.castor,
             "form": [r.form for r in recipes], "cause": [r.family for r in recipes], "validate_excitation": case["validate_kind"],
-            "wheels_reverse": case["reverses"], "noise_level": list(setup.level),
+            "detectability_each": case["each"] and [round(x, 3) for x in case["each"]], "wheels_reverse": case["reverses"], "noise_level": list(setup.level),
         },
     }
 
@@ -263,17 +304,20 @@ def main() -> int:
     make.add_argument("--set", choices=[*KINDS, "mixed"], default="mixed")
     make.add_argument("--count", type=int, default=60)
     make.add_argument("--jobs", type=int, default=1)
+    make.add_argument("--engine", choices=["mujoco", "bullet"], default="mujoco")
     args = parser.parse_args()
     if args.key.resolve().is_relative_to(args.out.resolve()):
         parser.error("the key must lie outside the folder of the cases")
-    jobs = [(i, name, recipes, args.seed, str(args.out)) for i, (name, recipes) in enumerate(plan(args.set, args.count, args.seed))]
+    _, version, can = engine(args.engine)
+    cases = plan(args.set, args.count, args.seed, can)
+    jobs = [(i, name, recipes, args.seed, str(args.out), args.engine) for i, (name, recipes) in enumerate(cases)]
     if args.jobs > 1:
         with ProcessPoolExecutor(args.jobs) as pool:
             entries = list(pool.map(make_case, jobs))
     else:
         entries = [make_case(job) for job in jobs]
     args.key.parent.mkdir(parents=True, exist_ok=True)
-    generator = {"engine": f"mujoco {mujoco.__version__}", "seed": args.seed, "set": args.set}
+    generator = {"engine": version, "seed": args.seed, "set": args.set}
     args.key.write_text(json.dumps({"schema": "wheelwright.key/1", "generator": generator, "cases": entries}, indent=1) + "\n")
     return 0
 

@@ -225,7 +225,7 @@ def castor_ball(h, robot, s, rng, u, rate):
 def slope(h, robot, s, rng, u, rate):
     h.slope = min(math.asin(min(0.2 * s * typical(robot) / robot.theta1 / GRAVITY, 0.5)), 0.14)
     h.slope_heading = rng.uniform(-math.pi, math.pi)
-    return {"angle_rad": h.slope, "downhill_heading_rad": h.slope_heading + 0.0}
+    return {"angle_rad": h.slope, "uphill_heading_rad": h.slope_heading}
 
 
 def payload(h, robot, s, rng, u, rate):

@@ -11,6 +11,7 @@ from .robots import Robot
 from .world import STEP, Run
 
 COLOURED_POLE = 0.7
+HEADING_NOISE = 0.002  # rad, of a recorded pose
 NOISES = ("white", "coloured", "heavy", "quantised")
 
 
@@ -100,7 +101,7 @@ def record(truth: Truth, commands: np.ndarray, robot: Robot, hidden: Hidden, set
         "t": np.arange(n) / setup.rate_hz, "v_ref": commands[:, 0], "omega_ref": commands[:, 1], "v": v, "omega": w,
     }
     if setup.pose:
-        spread = (0.005 * robot.track, 0.005 * robot.track, 0.002)
+        spread = (0.005 * robot.track, 0.005 * robot.track, HEADING_NOISE)
         columns |= {name: truth.pose[:, i] + rng.normal(0.0, spread[i], n) for i, name in enumerate(("x", "y", "phi"))}
     if setup.wheels:
         columns |= {"omega_left": wheels[:, 0], "omega_right": wheels[:, 1]}

@@ -84,3 +84,15 @@ def fit(y: np.ndarray, commands: np.ndarray, dt: float, guess: np.ndarray, sigma
             break
     r = residuals(p[None, :])[:, 0, :]
     return p[:6], float(np.sum(r**2)), r
+
+
+def beyond(change: np.ndarray, commands: np.ndarray, dt: float, theta: np.ndarray, start: np.ndarray, sigma: np.ndarray, pole: float = 0.0) -> float:
+    """What of a `change` (n, 2) of the noise-free signals no small change of the plain parameters can imitate, in units of the noise."""
+    p = np.concatenate([theta, start])
+    steps = np.maximum(np.abs(p), 0.01) * 1e-4
+    rows = np.vstack([p, p + np.diag(steps)])
+    runs = free_run(rows[:, :6], commands, rows[:, 6:], dt)
+    jac = _whiten((runs[:, 1:, :] - runs[:, :1, :]) / sigma, pole).transpose(0, 2, 1).reshape(-1, 8) / steps
+    d = _whiten(change / sigma, pole).ravel()
+    left = d - jac @ np.linalg.lstsq(jac, d, rcond=None)[0]
+    return float(left @ left)
