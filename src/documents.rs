@@ -1,5 +1,7 @@
 //! The JSON documents of the contract.
 
+mod diagnosis;
+
 use serde_json::{Map, Value, json};
 use wheelwright_core::channel::Channel;
 use wheelwright_core::identification::Identification;
@@ -8,6 +10,8 @@ use wheelwright_core::validation::Validation;
 use crate::error::Error;
 use crate::report::RecordingFacts;
 use crate::study::Findings;
+
+pub use diagnosis::{Context, answer, diagnose};
 
 /// `wheelwright.identify/1`.
 pub fn identify(findings: &Findings, found: &Identification) -> Value {
@@ -38,9 +42,7 @@ pub fn identify(findings: &Findings, found: &Identification) -> Value {
         "steps": found.solution.steps,
         "warnings": findings.warnings,
     });
-    if let (Value::Object(all), Value::Object(evidence)) = (&mut document, findings.evidence.document()) {
-        all.extend(evidence);
-    }
+    diagnosis::extend(&mut document, findings.evidence.document());
     if let Some(trace) = &findings.online {
         document["online"] = trace.document();
     }

@@ -3,6 +3,7 @@
 use serde::de::DeserializeOwned;
 use toml::{Table, Value};
 use wheelwright_core::config::{self, ConfigError};
+use wheelwright_core::effect::Effect;
 use wheelwright_core::excitation::Excitation;
 use wheelwright_core::model::{ModelError, RegressorModel};
 use wheelwright_core::robot::{Robot, RobotError};
@@ -13,7 +14,7 @@ use crate::config::Config;
 use crate::error::Error;
 
 /// Kinds of plugins, as [`Registry::list`] takes them.
-pub const KINDS: [&str; 4] = ["models", "robots", "solvers", "excitations"];
+pub const KINDS: [&str; 5] = ["models", "robots", "solvers", "excitations", "effects"];
 
 /// A plugin by name.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -101,6 +102,14 @@ impl Registry {
         config::tagged(table)
     }
 
+    /// An effect.
+    ///
+    /// # Errors
+    /// [`ConfigError`] with the key, relative to the table.
+    pub fn effect(&self, table: Table) -> Result<Box<dyn Effect>, ConfigError> {
+        config::tagged(table)
+    }
+
     /// Plugins of one of [`KINDS`], in order of name.
     pub fn list(&self, kind: &str) -> Vec<Entry> {
         match kind {
@@ -108,6 +117,7 @@ impl Registry {
             "robots" => self.loadable(Kind::Robot),
             "solvers" => built_in::<dyn Solver>(|s| s.about()),
             "excitations" => built_in::<dyn Excitation>(|e| e.about()),
+            "effects" => built_in::<dyn Effect>(|e| e.about()),
             _ => Vec::new(),
         }
     }

@@ -5,6 +5,7 @@ use std::io::Read;
 use std::path::{Path, PathBuf};
 
 use sha2::{Digest, Sha256};
+use wheelwright_core::channel::PHI;
 use wheelwright_core::recording::{ReadOptions, Recording};
 
 use crate::error::Error;
@@ -54,8 +55,18 @@ impl Source {
     }
 }
 
+/// The measured headings \[rad\] of the segments that a data set holds, if the recording has them.
+pub fn headings(recording: &Recording) -> Option<Vec<Vec<f64>>> {
+    let phi = recording.column(&PHI.name).ok()?;
+    // A data set drops segments of a single row.
+    Some(recording.segments().iter().filter(|s| s.rows.len() >= 2).map(|s| phi[s.rows.clone()].to_vec()).collect())
+}
+
 /// SHA-256 in hexadecimal of a file, or of a folder's file names and contents.
-fn digest(path: &Path) -> std::io::Result<String> {
+///
+/// # Errors
+/// The operating system's, if it cannot be read.
+pub fn digest(path: &Path) -> std::io::Result<String> {
     let mut hash = Sha256::new();
     if path.is_dir() {
         let mut files: Vec<PathBuf> = std::fs::read_dir(path)?.map(|entry| entry.map(|e| e.path())).collect::<Result<_, _>>()?;

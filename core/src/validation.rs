@@ -1,6 +1,7 @@
 //! Validation: how well a free-run simulation follows a recording.
 
 use crate::dataset::{Dataset, Stretch};
+use crate::effect::EffectSimulator;
 use crate::model::{ModelError, RegressorModel};
 use crate::simulation::Simulator;
 
@@ -32,21 +33,31 @@ pub struct Validation {
 /// [`ModelError`] if the model cannot be simulated at all.
 pub fn validate(model: &dyn RegressorModel, theta: &[f64], data: &Dataset) -> Result<Validation, ModelError> {
     let mut simulator = Simulator::new(model, theta)?;
+    Ok(compare(data, |_, stretch, initial, simulated| simulator.run(stretch, initial, simulated)))
+}
+
+/// The same with effects beside the model; the simulator's scene must be one of `data`.
+pub fn validate_with_effects(simulator: &mut EffectSimulator<'_>, data: &Dataset) -> Validation {
+    compare(data, |s, stretch, initial, simulated| simulator.run(s, stretch, initial, simulated))
+}
+
+/// Compares each stretch, by number, with what `run` makes of it.
+fn compare(
+    data: &Dataset,
+    mut run: impl FnMut(usize, &Stretch, &[f64], &mut [Vec<f64>]) -> Result<(), ModelError>,
+) -> Validation {
     let mut failure = None;
-    let comparisons: Vec<Comparison> = data
-        .stretches
-        .iter()
-        .map(|stretch| {
-            let initial: Vec<f64> = stretch.outputs.iter().map(|c| c[0]).collect();
-            let mut simulated = vec![Vec::new(); initial.len()];
-            if let Err(error) = simulator.run(stretch, &initial, &mut simulated) {
-                failure.get_or_insert(error);
-            }
-            Comparison { measured: stretch.clone(), simulated }
-        })
-        .collect();
+    let simulate = |(s, stretch): (usize, &Stretch)| {
+        let initial: Vec<f64> = stretch.outputs.iter().map(|c| c[0]).collect();
+        let mut simulated = vec![Vec::new(); initial.len()];
+        if let Err(error) = run(s, stretch, &initial, &mut simulated) {
+            failure.get_or_insert(error);
+        }
+        Comparison { measured: stretch.clone(), simulated }
+    };
+    let comparisons: Vec<Comparison> = data.stretches.iter().enumerate().map(simulate).collect();
     let fit = (0..data.outputs.len()).map(|channel| if failure.is_some() { None } else { fit_percent(&comparisons, channel) }).collect();
-    Ok(Validation { comparisons, fit, failure })
+    Validation { comparisons, fit, failure }
 }
 
 /// Fit of one output over all comparisons, in percent.

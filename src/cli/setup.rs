@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 use toml::{Table, Value};
-use wheelwright_core::config as core_config;
+use wheelwright_core::config::{self as core_config, ConfigError};
 use wheelwright_core::excitation::Excitation;
 use wheelwright_core::profile::RobotProfile;
 use wheelwright_core::recording::{ColumnMap, ReadOptions};
@@ -20,6 +20,8 @@ use crate::registry::{ModelFailure, Registry, RobotFailure};
 use crate::study::Study;
 use crate::toml_file::TomlFile;
 
+/// Columns of a file that are commands, so that any recording can be driven again.
+const COMMANDS: [&str; 4] = ["v_ref", "omega_ref", "u_left", "u_right"];
 /// Share held out unless asked otherwise.
 const HOLDOUT: f64 = 0.3;
 const MODEL: &str = "vw-pd";
@@ -172,8 +174,33 @@ impl Setup {
     pub(super) fn excitation(&self) -> Result<Box<dyn Excitation>, Error> {
         let missing =
             || Error::setting("excitation", "is missing: [excitation] says what the robot is to drive, as in type = \"thesis-pioneer\"");
-        let table = self.config.sections.excitation.clone().ok_or_else(missing)?;
+        let mut table = self.config.sections.excitation.clone().ok_or_else(missing)?;
+        if table.get("type").and_then(Value::as_str) == Some("table")
+            && let Some(file) = table.remove("file")
+        {
+            self.fill_table(&mut table, &file)?;
+        }
         self.registry.excitation(table).map_err(|e| self.config.error_in("excitation", e))
+    }
+
+    /// Writes the rows of a file of commands into a `table` excitation; the file is relative to the configuration.
+    fn fill_table(&self, table: &mut Table, file: &Value) -> Result<(), Error> {
+        let wrong = |message: String| self.config.error_in("excitation", ConfigError::new("file", message));
+        let Some(name) = file.as_str() else { return Err(wrong(format!("must be a path, not {file}"))) };
+        if table.contains_key("time") || table.contains_key("commands") {
+            return Err(wrong("stands beside `time` or `commands`: give the one or the other".to_owned()));
+        }
+        let path = self.config.resolve(Path::new(name));
+        std::fs::metadata(&path).map_err(|error| Error::Io { path: path.clone(), error })?;
+        let recording =
+            wheelwright_recordings::open(&path, &ReadOptions::default()).map_err(|error| Error::Recording { path: path.clone(), error })?;
+        let numbers = |values: &[f64]| Value::Array(values.iter().map(|v| Value::Float(*v)).collect());
+        let start = recording.time().first().copied().unwrap_or_default();
+        let time: Vec<f64> = recording.time().iter().map(|t| t - start).collect();
+        let commands = recording.columns().iter().filter(|c| COMMANDS.contains(&c.name.as_str()));
+        table.insert("time".to_owned(), numbers(&time));
+        table.insert("commands".to_owned(), Value::Table(commands.map(|c| (c.name.clone(), numbers(&c.values))).collect()));
+        Ok(())
     }
 }
 

@@ -5,9 +5,10 @@ use std::path::PathBuf;
 use clap::Args;
 use serde_json::json;
 use wheelwright_core::dataset::Dataset;
+use wheelwright_core::effect::{Effect, EffectSimulator};
 use wheelwright_core::model::RegressorModel;
 use wheelwright_core::recording::{Column, Recording, RecordingError, Source as RecordingOrigin};
-use wheelwright_core::validation::{Comparison, Validation, validate};
+use wheelwright_core::validation::{Comparison, Validation, validate, validate_with_effects};
 
 use super::Shared;
 use super::console::Console;
@@ -15,8 +16,8 @@ use super::setup::{ReadArguments, Setup};
 use crate::documents;
 use crate::error::Error;
 use crate::model_file::ModelFile;
-use crate::registry::ModelFailure;
-use crate::source::Source;
+use crate::registry::{ModelFailure, Registry};
+use crate::source::{Source, headings};
 
 #[derive(Debug, Args)]
 pub(super) struct Arguments {
@@ -43,7 +44,10 @@ pub(super) fn run(arguments: &Arguments, shared: &Shared, console: &Console) -> 
     let commands = dataset(&source, &*model)?;
     let measured = commands.measured;
     let data = commands.data;
-    let simulation = validate(&*model, &theta, &data).map_err(|e| Error::Identify(e.into()))?;
+    let simulation = free_run(&file, &*model, &theta, &data, &source, &setup.registry).map_err(|e| match e {
+        ModelFailure::Config(error) => in_file(error),
+        ModelFailure::Model(error) => Error::Identify(error.into()),
+    })?;
     if let Some(error) = &simulation.failure {
         return Err(Error::Identify(error.clone().into()));
     }
@@ -51,6 +55,7 @@ pub(super) fn run(arguments: &Arguments, shared: &Shared, console: &Console) -> 
     let document = json!({
         "schema": "wheelwright.simulate/1",
         "model": model.name(),
+        "effects": file.effect.iter().map(|e| &e.settings["type"]).collect::<Vec<_>>(),
         "samples": data.samples(),
         "fit": fit,
         "recordings": [documents::recording(&source.facts)],
@@ -66,6 +71,32 @@ pub(super) fn run(arguments: &Arguments, shared: &Shared, console: &Console) -> 
     console.document(&document);
     console.result(&summary(&data, &simulation, measured));
     Ok(())
+}
+
+/// The model alone, or with the file's effects beside it.
+fn free_run(
+    file: &ModelFile,
+    model: &dyn RegressorModel,
+    theta: &[f64],
+    data: &Dataset,
+    source: &Source,
+    registry: &Registry,
+) -> Result<Validation, ModelFailure> {
+    if file.effect.is_empty() {
+        return validate(model, theta, data).map_err(ModelFailure::Model);
+    }
+    let headings = headings(&source.recording);
+    let scene = file.scene(data, model, headings.as_deref()).map_err(ModelFailure::Config)?;
+    let loaded = file.effects(&scene, registry).map_err(ModelFailure::Config)?;
+    let effects: Vec<&dyn Effect> = loaded.iter().map(|l| &*l.effect).collect();
+    let values: Vec<f64> = loaded.iter().flat_map(|l| l.values.iter().copied()).collect();
+    let run = || {
+        let mut simulator = EffectSimulator::new(model, theta, &effects, &scene)?;
+        simulator.set(theta, &values)?;
+        simulator.choose_substeps(&data.stretches)?;
+        Ok(validate_with_effects(&mut simulator, data))
+    };
+    run().map_err(ModelFailure::Model)
 }
 
 /// A recording's commands, with its measurements if it has them.

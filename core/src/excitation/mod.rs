@@ -1,9 +1,11 @@
 //! Excitations: the commands that make a robot show its dynamics.
 //!
 //! Built in are the four of Laut 2011 ([`thesis`]: `thesis-pioneer`, `thesis-khepera`, `thesis-constant`,
-//! `thesis-multisine`) and any sum of constants, steps, ramps and sines (`signals`, [`signals::Signals`]).
+//! `thesis-multisine`), any sum of constants, steps, ramps and sines (`signals`, [`signals::Signals`]) and commands written out
+//! row by row (`table`, [`table::CommandTable`]).
 
 pub mod signals;
+pub mod table;
 pub mod thesis;
 
 use std::fmt::Debug;
