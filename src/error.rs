@@ -11,6 +11,7 @@ use wheelwright_core::model::ModelError;
 use wheelwright_core::recording::{ReadError, RecordingError};
 use wheelwright_core::robot::RobotError;
 use wheelwright_core::solver::SolveError;
+use wheelwright_diagnosis::DiagnosisError;
 use wheelwright_plugin::PluginError;
 
 /// What stopped a command.
@@ -52,6 +53,9 @@ pub enum Error {
     /// The data cannot answer, or the model cannot be simulated.
     #[error(transparent)]
     Identify(#[from] IdentifyError),
+    /// The data cannot be diagnosed.
+    #[error(transparent)]
+    Diagnose(#[from] DiagnosisError),
     /// The excitation cannot be driven.
     #[error("excitation: {0}")]
     Excitation(#[from] ExcitationError),
@@ -92,6 +96,7 @@ impl Error {
             Self::TooLittle(_) => 3,
             Self::Identify(IdentifyError::Solve(error)) => solve_status(error),
             Self::Identify(IdentifyError::Model(error)) => model_status(error),
+            Self::Diagnose(error) => diagnosis_status(error),
             Self::Connect(RobotError::Config { .. }) => 2,
             Self::Drive { error, .. } => drive_status(&error.fault),
             Self::Plugin(error) if !error.is_plugin_failure() => 2,
@@ -126,6 +131,15 @@ fn solve_status(error: &SolveError) -> u8 {
         SolveError::Setting { .. } | SolveError::Signal(_) | SolveError::NotApplicable { .. } | SolveError::EmptyBounds { .. } => 2,
         SolveError::Model(error) => model_status(error),
         _ => 1,
+    }
+}
+
+fn diagnosis_status(error: &DiagnosisError) -> u8 {
+    match error {
+        DiagnosisError::Channels { .. } | DiagnosisError::NothingToHold { .. } => 2,
+        DiagnosisError::Solve(error) => solve_status(error),
+        DiagnosisError::Model(error) => model_status(error),
+        _ => 3,
     }
 }
 

@@ -23,12 +23,12 @@ use std::path::Path;
 
 use serde::{Deserialize, Serialize};
 use toml::Table;
+use wheelwright_core::Dataset;
 use wheelwright_core::config::{self, ConfigError};
 use wheelwright_core::effect::{Effect, EffectParameter, Frame, Scales, Scene};
 use wheelwright_core::identification::Identification;
 use wheelwright_core::model::RegressorModel;
 use wheelwright_core::profile::RobotProfile;
-use wheelwright_core::Dataset;
 use wheelwright_diagnosis::finding::{Diagnosis, Finding, FoundParameter};
 
 use crate::error::Error;
@@ -269,9 +269,11 @@ impl SceneFile {
             None => Ok(()),
         };
         let (inputs, outputs) = (model.inputs().len(), model.outputs().len());
-        for (key, values, count) in
-            [("inputs_rms", &self.inputs_rms, inputs), ("inputs_largest", &self.inputs_largest, inputs), ("outputs_rms", &self.outputs_rms, outputs)]
-        {
+        for (key, values, count) in [
+            ("inputs_rms", &self.inputs_rms, inputs),
+            ("inputs_largest", &self.inputs_largest, inputs),
+            ("outputs_rms", &self.outputs_rms, outputs),
+        ] {
             if values.len() != count {
                 return Err(ConfigError::new(key, format!("has {} values; model `{}` needs {count}", values.len(), model.name())));
             }
@@ -319,15 +321,22 @@ impl EffectEntry {
         };
         if let Some(stray) = self.parameter.iter().find(|v| !known.iter().any(|p| matches(p, v))) {
             let names = known.iter().map(described).collect::<Vec<_>>().join(", ");
-            return Err(ConfigError::new("parameter", format!("effect `{}` has no parameter `{}`: it has {names}", effect.name(), stray.name)));
+            return Err(ConfigError::new(
+                "parameter",
+                format!("effect `{}` has no parameter `{}`: it has {names}", effect.name(), stray.name),
+            ));
         }
         let value = |p: &EffectParameter| {
             let found = self.parameter.iter().find(|v| matches(p, v)).map(|v| v.value);
-            let value = found.ok_or_else(|| ConfigError::new("parameter", format!("{} of `{}` has no value", described(p), effect.name())))?;
+            let value =
+                found.ok_or_else(|| ConfigError::new("parameter", format!("{} of `{}` has no value", described(p), effect.name())))?;
             let (low, high) = p.bounds;
             let slack = 1e-9 * value.abs();
             if !(value.is_finite() && value >= low - slack && value <= high + slack) {
-                return Err(ConfigError::new("parameter", format!("{} of `{}` is {value}, outside {low} to {high}", described(p), effect.name())));
+                return Err(ConfigError::new(
+                    "parameter",
+                    format!("{} of `{}` is {value}, outside {low} to {high}", described(p), effect.name()),
+                ));
             }
             Ok(value)
         };

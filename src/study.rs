@@ -118,30 +118,7 @@ impl Study {
     }
 
     fn dataset(&self, source: &Source) -> Result<Dataset, Error> {
-        Dataset::new(&source.recording, &*self.model).map_err(|error| self.explain(source, error))
-    }
-
-    /// A column that this model misses may be one that another model would use: say so.
-    fn explain(&self, source: &Source, error: RecordingError) -> Error {
-        let fits = |config: &dyn ModelConfig| {
-            let model = config.build().ok()?;
-            let has_all = model.inputs().iter().chain(model.outputs()).all(|c| source.recording.column(&c.name).is_ok());
-            has_all.then(|| model.name().to_owned())
-        };
-        let path = &source.facts.path;
-        let RecordingError::MissingColumn { name, available } = &error else { return Error::content(path, error) };
-        let fitting: Vec<String> =
-            built_in_models().iter().filter_map(|config| fits(&**config)).filter(|name| name != self.model.name()).collect();
-        match fitting.first() {
-            Some(other) => Error::content(
-                path,
-                RecordingError::MissingColumn {
-                    name: name.clone(),
-                    available: format!("{available}, which suits --model {other} (model {} needs `{name}`)", self.model.name()),
-                },
-            ),
-            None => Error::content(path, error),
-        }
+        Dataset::new(&source.recording, &*self.model).map_err(|error| explain(&*self.model, source, error))
     }
 }
 
@@ -156,6 +133,28 @@ fn lend_regression(found: &mut Identification, problem: &Problem<'_>) {
             .solution
             .steps
             .push("for the regression plots only, rows were made as by ols; the parameters do not come from them".to_owned());
+    }
+}
+
+/// A column that this model misses may be one that another model would use: say so.
+pub(crate) fn explain(model: &dyn RegressorModel, source: &Source, error: RecordingError) -> Error {
+    let fits = |config: &dyn ModelConfig| {
+        let model = config.build().ok()?;
+        let has_all = model.inputs().iter().chain(model.outputs()).all(|c| source.recording.column(&c.name).is_ok());
+        has_all.then(|| model.name().to_owned())
+    };
+    let path = &source.facts.path;
+    let RecordingError::MissingColumn { name, available } = &error else { return Error::content(path, error) };
+    let fitting: Vec<String> = built_in_models().iter().filter_map(|config| fits(&**config)).filter(|name| name != model.name()).collect();
+    match fitting.first() {
+        Some(other) => Error::content(
+            path,
+            RecordingError::MissingColumn {
+                name: name.clone(),
+                available: format!("{available}, which suits --model {other} (model {} needs `{name}`)", model.name()),
+            },
+        ),
+        None => Error::content(path, error),
     }
 }
 

@@ -1,7 +1,7 @@
 //! Validation: how well a free-run simulation follows a recording.
 
 use crate::dataset::{Dataset, Stretch};
-use crate::effect::EffectSimulator;
+use crate::effect::{Effect, EffectSimulator, Scene};
 use crate::model::{ModelError, RegressorModel};
 use crate::simulation::Simulator;
 
@@ -36,16 +36,26 @@ pub fn validate(model: &dyn RegressorModel, theta: &[f64], data: &Dataset) -> Re
     Ok(compare(data, |_, stretch, initial, simulated| simulator.run(stretch, initial, simulated)))
 }
 
-/// The same with effects beside the model; the simulator's scene must be one of `data`.
-pub fn validate_with_effects(simulator: &mut EffectSimulator<'_>, data: &Dataset) -> Validation {
-    compare(data, |s, stretch, initial, simulated| simulator.run(s, stretch, initial, simulated))
+/// The same with effects beside the model and their values one effect after the other; `scene` is one of `data`.
+///
+/// # Errors
+/// [`ModelError`] if the model cannot be simulated at all.
+pub fn validate_with_effects(
+    model: &dyn RegressorModel,
+    theta: &[f64],
+    effects: &[&dyn Effect],
+    values: &[f64],
+    scene: &Scene,
+    data: &Dataset,
+) -> Result<Validation, ModelError> {
+    let mut simulator = EffectSimulator::new(model, theta, effects, scene)?;
+    simulator.set(theta, values)?;
+    simulator.choose_substeps(&data.stretches)?;
+    Ok(compare(data, |s, stretch, initial, simulated| simulator.run(s, stretch, initial, simulated)))
 }
 
 /// Compares each stretch, by number, with what `run` makes of it.
-fn compare(
-    data: &Dataset,
-    mut run: impl FnMut(usize, &Stretch, &[f64], &mut [Vec<f64>]) -> Result<(), ModelError>,
-) -> Validation {
+fn compare(data: &Dataset, mut run: impl FnMut(usize, &Stretch, &[f64], &mut [Vec<f64>]) -> Result<(), ModelError>) -> Validation {
     let mut failure = None;
     let simulate = |(s, stretch): (usize, &Stretch)| {
         let initial: Vec<f64> = stretch.outputs.iter().map(|c| c[0]).collect();

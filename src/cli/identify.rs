@@ -93,7 +93,7 @@ pub(super) fn conclude(
 }
 
 /// Fails unless every number named reaches its bound.
-fn check_gates(document: &Value, require: &[String]) -> Result<(), Error> {
+pub(super) fn check_gates(document: &Value, require: &[String]) -> Result<(), Error> {
     for gate in require {
         let (key, bound) = split(gate, "--require", "fit.validate.v=95")?;
         let bound: f64 = bound.parse().map_err(|_| Error::Usage(format!("--require {gate}: `{bound}` is not a number")))?;

@@ -2,6 +2,7 @@
 
 mod browser;
 mod console;
+mod diagnose;
 mod identify;
 mod inspect;
 mod page;
@@ -25,7 +26,7 @@ use console::Console;
 /// A model plugin answers within microseconds; one that is silent for this long hangs.
 const MODEL_CALL: Duration = Duration::from_secs(10);
 
-/// Learns the dynamics of wheeled mobile robots from recordings.
+/// Learns the dynamics of wheeled mobile robots from recordings, and says what a simulation leaves out.
 #[derive(Debug, Parser)]
 #[command(name = "wheelwright", version, about, max_term_width = 100, arg_required_else_help = true)]
 struct Cli {
@@ -67,6 +68,8 @@ enum Command {
     Run(run::Arguments),
     /// Identify a model's parameters from recordings
     Identify(identify::Arguments),
+    /// Where a recording differs from its simulation, what physics was left out, and the proof
+    Diagnose(diagnose::Arguments),
     /// Free-run simulation of an identified model
     Simulate(simulate::Arguments),
     /// What is in a recording: columns, topics, rate, gaps, jitter, excitation
@@ -96,6 +99,7 @@ pub fn main() -> u8 {
     let outcome = match &cli.command {
         Command::Run(arguments) => run::run(arguments, &cli.shared, &console),
         Command::Identify(arguments) => identify::run(arguments, &cli.shared, &console),
+        Command::Diagnose(arguments) => diagnose::run(arguments, &cli.shared, &console),
         Command::Simulate(arguments) => simulate::run(arguments, &cli.shared, &console),
         Command::Inspect(arguments) => inspect::run(arguments, &cli.shared, &console),
         Command::Plugins(arguments) => plugins::run(arguments, &cli.shared, &console),

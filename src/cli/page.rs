@@ -1,6 +1,7 @@
 //! The report page of a study.
 
-use crate::report::{self, Outcome, ReportInput};
+use super::diagnose::Diagnosed;
+use crate::report::{self, Outcome, RecordingFacts, ReportInput};
 use crate::study::{Findings, Study};
 
 /// The page, also when there is no identification to show.
@@ -33,6 +34,33 @@ pub(super) fn study_page(study: &Study, findings: &Findings) -> String {
         facts: &facts,
     };
     report::html_with(&input, &sections)
+}
+
+/// The page of a diagnosis.
+pub(super) fn diagnosis_page(diagnosed: &Diagnosed) -> String {
+    let recordings: Vec<_> = diagnosed
+        .sources
+        .iter()
+        .map(|s| RecordingFacts { used_for: "diagnosis".to_owned(), ..s.facts.clone() })
+        .chain(diagnosed.validation.iter().map(|s| RecordingFacts { used_for: "validation".to_owned(), ..s.facts.clone() }))
+        .collect();
+    let title = diagnosed.sources.iter().map(|s| file_name(&s.facts.path)).collect::<Vec<_>>().join(", ");
+    let held_out = match diagnosed.validation.is_empty() {
+        true => format!("{} % of the samples", 100.0 * diagnosed.inquiry.holdout),
+        false => format!("{} recording(s) of its own", diagnosed.validation.len()),
+    };
+    let facts = [("held out".to_owned(), held_out), ("seed".to_owned(), diagnosed.inquiry.seed.to_string())];
+    report::diagnosis::html(&report::diagnosis::Input {
+        title: &title,
+        command: &command_line(),
+        version: env!("CARGO_PKG_VERSION"),
+        model: diagnosed.inquiry.model.name(),
+        found: &diagnosed.found,
+        comparison: diagnosed.comparison.as_ref(),
+        recordings: &recordings,
+        warnings: &diagnosed.warnings,
+        facts: &facts,
+    })
 }
 
 fn file_name(path: &str) -> String {

@@ -150,7 +150,12 @@ impl Setup {
 
     /// Recordings that only validate: the options', or else the configuration's.
     pub(super) fn validation_paths(&self, arguments: &StudyArguments) -> Vec<PathBuf> {
-        match arguments.validate.as_slice() {
+        self.validation_paths_or(&arguments.validate)
+    }
+
+    /// The recordings given, or else those that the configuration validates on.
+    pub(super) fn validation_paths_or(&self, given: &[PathBuf]) -> Vec<PathBuf> {
+        match given {
             [] => self.config.sections.validation.recordings.iter().map(|p| self.config.resolve(p)).collect(),
             given => given.to_vec(),
         }
@@ -205,7 +210,7 @@ impl Setup {
 }
 
 /// Reads a robot's profile.
-fn profile(path: &Path) -> Result<RobotProfile, Error> {
+pub(super) fn profile(path: &Path) -> Result<RobotProfile, Error> {
     let file = TomlFile::read(path)?;
     RobotProfile::from_table(file.table()?).map_err(|e| file.error(e))
 }

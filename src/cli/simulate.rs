@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use clap::Args;
 use serde_json::json;
 use wheelwright_core::dataset::Dataset;
-use wheelwright_core::effect::{Effect, EffectSimulator};
+use wheelwright_core::effect::Effect;
 use wheelwright_core::model::RegressorModel;
 use wheelwright_core::recording::{Column, Recording, RecordingError, Source as RecordingOrigin};
 use wheelwright_core::validation::{Comparison, Validation, validate, validate_with_effects};
@@ -90,13 +90,7 @@ fn free_run(
     let loaded = file.effects(&scene, registry).map_err(ModelFailure::Config)?;
     let effects: Vec<&dyn Effect> = loaded.iter().map(|l| &*l.effect).collect();
     let values: Vec<f64> = loaded.iter().flat_map(|l| l.values.iter().copied()).collect();
-    let run = || {
-        let mut simulator = EffectSimulator::new(model, theta, &effects, &scene)?;
-        simulator.set(theta, &values)?;
-        simulator.choose_substeps(&data.stretches)?;
-        Ok(validate_with_effects(&mut simulator, data))
-    };
-    run().map_err(ModelFailure::Model)
+    validate_with_effects(model, theta, &effects, &values, &scene, data).map_err(ModelFailure::Model)
 }
 
 /// A recording's commands, with its measurements if it has them.

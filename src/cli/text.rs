@@ -5,7 +5,10 @@ use std::fmt::Write;
 use wheelwright_core::ceiling::OutputCeiling;
 use wheelwright_core::identification::{Estimate, Identification};
 use wheelwright_core::validation::Validation;
+use wheelwright_diagnosis::Verdict;
+use wheelwright_diagnosis::finding::{Diagnosis, Finding};
 
+use crate::inquiry::Comparison;
 use crate::study::Findings;
 
 /// Parameters and fits of an identification.
@@ -57,4 +60,75 @@ fn fits(validation: &Validation) -> String {
 
 fn percent(fit: Option<f64>) -> String {
     fit.map_or_else(|| format!("{:>12}", "—"), |f| format!("{f:>10.2} %"))
+}
+
+/// A verdict as the documents spell it.
+pub(super) fn verdict(verdict: Verdict) -> &'static str {
+    match verdict {
+        Verdict::NoMismatch => "no_mismatch",
+        Verdict::Explained => "explained",
+        Verdict::Ambiguous => "ambiguous",
+        Verdict::Unexplained => "unexplained",
+    }
+}
+
+/// A diagnosis: the sentence, the effects, the proof, where, and what to do next.
+pub(super) fn diagnosis(found: &Diagnosis, comparison: Option<&Comparison>) -> String {
+    let mut text = format!("{}: {}\n", verdict(found.verdict), found.headline);
+    for finding in &found.effects {
+        effect(&mut text, finding);
+    }
+    for finding in &found.partial {
+        let _ = writeln!(text, "\na part of it looks like {}: {}", finding.name, finding.statement);
+    }
+    for sentence in comparison.iter().flat_map(|c| &c.sentences) {
+        let _ = writeln!(text, "\n{sentence}");
+    }
+    proof(&mut text, found);
+    if !found.location.statement.is_empty() {
+        let _ = writeln!(text, "\nwhere: {}", found.location.statement);
+    }
+    if let Some(next) = &found.next_experiment {
+        let _ = writeln!(text, "\nnext: {}", next.statement);
+    }
+    if !found.untestable.is_empty() {
+        let names: Vec<&str> = found.untestable.iter().map(|u| u.name.as_str()).collect();
+        let _ = writeln!(text, "\nnot testable with this recording: {}", names.join(", "));
+    }
+    text
+}
+
+fn effect(text: &mut String, finding: &Finding) {
+    let _ = writeln!(text, "\n{}\n  {}", finding.name, finding.statement);
+    for p in &finding.parameters {
+        let side = p.label.as_ref().map(|(kind, which)| format!("  ({kind} {which})")).unwrap_or_default();
+        let interval = p.ci95.map_or_else(|| "(no interval)".to_owned(), |(low, high)| format!("95 % [{low:.5}, {high:.5}]"));
+        let unit = if p.unit == "1" { "" } else { &p.unit };
+        let _ = writeln!(text, "  {:<16} {:>12.6} {unit:<8} {interval}{side}", p.name, p.value);
+    }
+    for alternative in &finding.alternatives {
+        let _ = writeln!(text, "  or {}: {}", alternative.name, alternative.because);
+    }
+}
+
+/// Held-out fits: before, effect by effect, after, and what could be reached at most.
+fn proof(text: &mut String, found: &Diagnosis) {
+    let names: String = found.training.measured.outputs.iter().map(|c| format!("{:>12}", c.name)).collect();
+    let row = |values: &[f64]| values.iter().map(|v| percent(Some(*v))).collect::<String>();
+    let which = if found.held_out.is_some() { "held-out fit" } else { "fit (nothing held out)" };
+    let _ = writeln!(text, "\n{which:<30}{names}");
+    let _ = writeln!(text, "  {:<28}{}", "before", row(&found.fit.before));
+    for rung in found.waterfall.iter().filter(|r| !r.effects.is_empty()) {
+        let last = rung.effects.last().map(String::as_str).unwrap_or_default();
+        let _ = writeln!(text, "  {:<28}{}", format!("+ {last}"), row(&rung.fit));
+    }
+    if found.waterfall.is_empty() && !found.effects.is_empty() {
+        let _ = writeln!(text, "  {:<28}{}", "after", row(&found.fit.after));
+    }
+    if let Some(ceiling) = &found.fit.noise_ceiling {
+        let _ = writeln!(text, "  {:<28}{}", "noise ceiling", row(ceiling));
+    }
+    if let Some(narx) = &found.fit.narx {
+        let _ = writeln!(text, "  {:<28}{}", "NARX", row(narx));
+    }
 }

@@ -40,7 +40,8 @@ pub fn diagnose(found: &Diagnosis, context: &Context<'_>) -> Value {
 /// The keys that `diagnose` and `trial` have in common.
 pub fn answer(found: &Diagnosis, warnings: &[String]) -> Value {
     let outputs: Vec<&str> = found.training.measured.outputs.iter().map(|c| c.name.as_ref()).collect();
-    let by_output = |values: &[f64]| -> Value { Value::Object(outputs.iter().zip(values).map(|(n, v)| ((*n).to_owned(), json!(v))).collect()) };
+    let by_output =
+        |values: &[f64]| -> Value { Value::Object(outputs.iter().zip(values).map(|(n, v)| ((*n).to_owned(), json!(v))).collect()) };
     let fit = &found.fit;
     let warnings: Vec<&String> = found.warnings.iter().chain(warnings).collect();
     json!({

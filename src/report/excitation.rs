@@ -92,7 +92,7 @@ fn cloud(stretches: &[(&Stretch, bool)], x: &Channel, y: &Channel, pair: Pair<'_
 }
 
 /// Densities over a logarithmic frequency axis, the mean left out.
-fn density_plot(quantity: &str, unit: &str, curves: &[(&str, Role, &Spectrum)], caption: String) -> Plot {
+pub(super) fn density_plot(quantity: &str, unit: &str, curves: &[(&str, Role, &Spectrum)], caption: String) -> Plot {
     let points = curves.first().map(|(_, _, s)| s.frequency[1..].to_vec()).unwrap_or_default();
     let values = |s: &Spectrum| s.density.iter().skip(1).map(|d| (*d > 0.0).then_some(*d)).collect();
     let series = curves.iter().map(|(label, role, s)| Series::new(label, Style::Line, *role, values(s))).collect();
@@ -108,7 +108,7 @@ fn density_plot(quantity: &str, unit: &str, curves: &[(&str, Role, &Spectrum)], 
 }
 
 /// How a spectrum was computed, for captions.
-fn method(spectrum: &Spectrum) -> String {
+pub(super) fn method(spectrum: &Spectrum) -> String {
     let skipped = match spectrum.skipped {
         0 => String::new(),
         1 => ", one stretch too short for a window left out".to_owned(),
@@ -117,6 +117,6 @@ fn method(spectrum: &Spectrum) -> String {
     format!("Welch's method, {} Hann windows of {} samples{skipped}", number::count(spectrum.windows), spectrum.window)
 }
 
-fn grid(figures: &str) -> String {
+pub(super) fn grid(figures: &str) -> String {
     if figures.is_empty() { String::new() } else { format!("<div class=\"grid\">{figures}</div>\n") }
 }

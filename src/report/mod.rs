@@ -4,6 +4,7 @@
 //! [`html`] lays out the page of an identification, or of an attempt at one. Other pages are laid out from the same
 //! blocks: [`page`] (shell), [`plot`] and [`timeline`] (figures), [`table`], [`number`], [`spectrum`].
 
+pub mod diagnosis;
 pub mod number;
 pub mod page;
 pub mod plot;

@@ -60,6 +60,10 @@ pub enum Role {
     Residual,
     /// What was commanded.
     Command,
+    /// What the model said before effects were added.
+    Before,
+    /// What it says with them.
+    After,
     /// One more quantity without a role of its own.
     Other,
 }

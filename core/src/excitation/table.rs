@@ -47,7 +47,8 @@ impl Excitation for CommandTable {
 
     fn check(&self, inputs: &[Channel]) -> Result<(), ExcitationError> {
         if self.time.len() < 2 || self.commands.is_empty() {
-            let reason = format!("has {} rows of {} channels: at least two rows of one channel are needed", self.time.len(), self.commands.len());
+            let reason =
+                format!("has {} rows of {} channels: at least two rows of one channel are needed", self.time.len(), self.commands.len());
             return Err(ExcitationError::config("time", reason));
         }
         if self.time[0] != 0.0 {
@@ -111,7 +112,9 @@ mod tests {
         assert!(refused(&|t| t.time[0] = 0.5).contains("starts at 0.5 s"));
         assert!(refused(&|t| t.time.truncate(1)).contains("1 rows of 1 channels"));
         assert!(refused(&|t| drop(t.commands.insert("u".to_owned(), Vec::new()))).contains("no command `u`"));
-        assert!(refused(&|t| drop(t.commands.insert("v_ref".to_owned(), vec![0.0, f64::NAN, 0.0]))).contains("`commands.v_ref`: row 2 is NaN"));
+        assert!(
+            refused(&|t| drop(t.commands.insert("v_ref".to_owned(), vec![0.0, f64::NAN, 0.0]))).contains("`commands.v_ref`: row 2 is NaN")
+        );
         assert!(refused(&|t| drop(t.commands.insert("v_ref".to_owned(), vec![0.0]))).contains("1 values for 3 rows"));
         assert!(refused(&|t| t.duration = Some(0.0)).contains("`duration`"));
     }
