@@ -1,6 +1,9 @@
 //! The JSON documents of the contract.
 
 mod diagnosis;
+#[cfg(test)]
+#[path = "documents/tests.rs"]
+mod tests;
 
 use serde_json::{Map, Value, json};
 use wheelwright_core::channel::Channel;

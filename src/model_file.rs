@@ -75,6 +75,10 @@ pub struct SceneFile {
     pub inputs_largest: Vec<f64>,
     /// Root mean square of each output.
     pub outputs_rms: Vec<f64>,
+    /// Root mean square of the wheels' commands.
+    pub command_rms: f64,
+    /// Largest magnitude of a wheel's command.
+    pub command_largest: f64,
     /// Root mean square of the wheels' ground speeds.
     pub speed_rms: f64,
     /// First and last time \[s\].
@@ -239,13 +243,15 @@ impl ModelFile {
 
 impl SceneFile {
     fn of(scene: &Scene) -> Self {
-        let Scales { inputs, largest, outputs, speed, time, period } = scene.scales.clone();
+        let Scales { inputs, largest, outputs, command, largest_command, speed, time, period } = scene.scales.clone();
         Self {
             track_width: Some(2.0 * scene.frame.half_track()).filter(|w| w.is_finite()),
             wheel_radius: scene.wheel_radius,
             inputs_rms: inputs,
             inputs_largest: largest,
             outputs_rms: outputs,
+            command_rms: command,
+            command_largest: largest_command,
             speed_rms: speed,
             time,
             period,
@@ -257,6 +263,8 @@ impl SceneFile {
             inputs: self.inputs_rms.clone(),
             largest: self.inputs_largest.clone(),
             outputs: self.outputs_rms.clone(),
+            command: self.command_rms,
+            largest_command: self.command_largest,
             speed: self.speed_rms,
             time: self.time,
             period: self.period,

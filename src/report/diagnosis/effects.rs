@@ -44,9 +44,9 @@ fn card(finding: &Finding) -> String {
     finding.parameters.iter().for_each(|p| table.row(row(p)));
     html.push_str(&table.html());
     let gain = finding.holdout_gain.map_or_else(String::new, |g| format!(", and {} points of held-out fit", number::fixed(g, 2)));
-    let _ = write!(
+    let _ = writeln!(
         html,
-        "<p class=\"note\">Evidence: {} better by the penalised likelihood{gain}, added last.</p>\n",
+        "<p class=\"note\">Evidence: {} better by the penalised likelihood{gain}, added last.</p>",
         number::significant(finding.delta_bic, 3)
     );
     if !finding.alternatives.is_empty() {

@@ -66,9 +66,9 @@ fn bars(name: &str, output: usize, steps: &[(String, &[f64], &str)]) -> String {
             y + 14.0
         );
     }
-    let _ = write!(
+    let _ = writeln!(
         svg,
-        "<text class=\"tick\" x=\"{LABEL}\" y=\"{y}\">{from} %</text><text class=\"tick\" x=\"{}\" y=\"{y}\">100 %</text></svg></figure>\n",
+        "<text class=\"tick\" x=\"{LABEL}\" y=\"{y}\">{from} %</text><text class=\"tick\" x=\"{}\" y=\"{y}\">100 %</text></svg></figure>",
         LABEL + WIDTH - 30.0,
         y = height - 4.0
     );
