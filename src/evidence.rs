@@ -7,6 +7,7 @@ use wheelwright_core::ceiling::{self, OutputCeiling};
 use wheelwright_core::dataset::Dataset;
 use wheelwright_core::identifiability::{self, Identifiability};
 use wheelwright_core::identification::Identification;
+use wheelwright_core::integral_action::{self, IntegralAction};
 use wheelwright_core::lag::{self, AxisLag, Lag};
 use wheelwright_core::solver::{Problem, SolveError, Solver};
 
@@ -20,6 +21,8 @@ pub struct Evidence {
     pub identifiability: Option<Identifiability>,
     /// Lag between command and response.
     pub lag: Option<Lag>,
+    /// Whether the drive integrates its error; `None` also for a model without commands of its outputs' units.
+    pub integral_action: Option<IntegralAction>,
     /// Noise ceiling and NARX yardstick, one entry an output.
     pub ceiling: Option<Vec<OutputCeiling>>,
     /// Comparison of the recordings fitted one by one; `None` for one recording.
@@ -44,6 +47,10 @@ impl Evidence {
         evidence.identifiability = evidence.keep("identifiability", judged);
         let late = lag::estimate(model, &problem.map, &data);
         evidence.lag = evidence.keep("lag", late);
+        let predicted = evidence.identifiability.iter().flat_map(|i| &i.parameters).map(|j| j.predicted_std.unwrap_or(f64::NAN));
+        let std = found.solution.std.clone().unwrap_or_else(|| predicted.collect());
+        let integrates = integral_action::assess(model, &problem.map, theta, &std, &data);
+        evidence.integral_action = evidence.keep("judgement of integral action", integrates).flatten();
         let highest = ceiling::estimate(model, theta, &data, &held_out);
         evidence.ceiling = evidence.keep("noise ceiling", highest);
         if recordings.len() > 1 {
@@ -64,6 +71,7 @@ impl Evidence {
         // On data without noise any lag is significant; one far below the time constant concerns nobody.
         let matters = |a: &&AxisLag| a.late && a.delay_s > 0.01 * a.time_constant_s;
         concerns.extend(self.lag.iter().flat_map(|l| &l.axes).filter(matters).map(|a| a.statement.clone()));
+        concerns.extend(self.integral_action.iter().flat_map(IntegralAction::concerns));
         concerns.extend(self.agreement.iter().filter(|a| a.p.is_some_and(|p| p < agreement::LEVEL)).map(|a| a.statement.clone()));
         concerns.extend(self.missing.iter().cloned());
         concerns
@@ -73,6 +81,7 @@ impl Evidence {
     pub fn sentences(&self) -> Vec<String> {
         let mut sentences: Vec<String> = self.ceiling.iter().flatten().map(|c| c.statement.clone()).collect();
         sentences.extend(self.lag.iter().flat_map(|l| &l.axes).map(|a| a.statement.clone()));
+        sentences.extend(self.integral_action.iter().flat_map(|i| &i.axes).map(|a| a.statement.clone()));
         sentences.extend(self.identifiability.iter().filter_map(|i| i.sampling.as_ref()).map(|s| s.statement.clone()));
         sentences.extend(
             self.agreement.iter().flat_map(|a| std::iter::once(&a.statement).chain(a.parameters.iter().map(|p| &p.statement))).cloned(),
@@ -91,6 +100,7 @@ impl Evidence {
         json!({
             "identifiability": self.identifiability,
             "lag": self.lag,
+            "integral_action": self.integral_action,
             "noise_ceiling": self.ceiling,
             "runs": self.agreement,
         })

@@ -20,6 +20,7 @@ pub mod effect;
 pub mod excitation;
 pub mod identifiability;
 pub mod identification;
+pub mod integral_action;
 pub mod lag;
 pub mod least_squares;
 mod local;

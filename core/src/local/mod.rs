@@ -16,7 +16,7 @@ use crate::noise::Autoregression;
 use crate::simulation::{DIFFERENCE, Direction, Simulator};
 use delay::{delayed, pick};
 pub(crate) use scale::{linear_part, plausible, time_constants};
-pub(crate) use start::{about, quick_fit};
+pub(crate) use start::{about, quick_fit, regression_start, simulable};
 
 /// Columns whose norm is this small a share of the largest carry rounding only.
 const RANK: f64 = 1e-7;
@@ -95,7 +95,13 @@ impl<'a> FreeRun<'a> {
 
     /// A point with the measured starts.
     pub(crate) fn point(&self, z: Vec<f64>, delays: Vec<f64>) -> Point {
-        let starts = self.data.stretches.iter().map(|s| s.outputs.iter().map(|c| c[0]).collect()).collect();
+        let start = |s: &Stretch| -> Vec<f64> { s.outputs.iter().map(|c| c[0]).collect() };
+        // Outputs that are not measured, behind the others, start at zero.
+        let padded = |mut start: Vec<f64>| {
+            start.resize(self.model.outputs().len(), 0.0);
+            start
+        };
+        let starts = self.data.stretches.iter().map(|s| padded(start(s))).collect();
         Point { z, delays, starts }
     }
 

@@ -37,14 +37,16 @@ pub(crate) fn time_constants(model: &dyn RegressorModel, theta: &[f64], data: &D
 /// every output moves as far as it does in the data, all at once, and as fast as its time constant lets it.
 ///
 /// Unlike the root mean square of a column this does not depend on which motions were combined in the recording, so that a
-/// motion that is missing cannot make a parameter look large. A channel that never moves is taken to reach one SI unit.
+/// motion that is missing cannot make a parameter look large. A channel that never moves or is not
+/// measured is taken to reach one SI unit.
 pub(crate) fn plausible(model: &dyn RegressorModel, data: &Dataset, theta: &[f64]) -> Vec<f64> {
     let reach = |columns: &dyn Fn(&Stretch) -> &Vec<Vec<f64>>, i: usize| {
         let largest = data.stretches.iter().flat_map(|s| columns(s)[i].iter()).fold(0.0_f64, |m, x| m.max(x.abs()));
         if largest > 0.0 { largest } else { 1.0 }
     };
     let inputs: Vec<f64> = (0..data.inputs.len()).map(|i| reach(&|s| &s.inputs, i)).collect();
-    let outputs: Vec<f64> = (0..data.outputs.len()).map(|i| reach(&|s| &s.outputs, i)).collect();
+    let measured = |i: usize| if i < data.outputs.len() { reach(&|s| &s.outputs, i) } else { 1.0 };
+    let outputs: Vec<f64> = (0..model.outputs().len()).map(measured).collect();
     let lags = time_constants(model, theta, data);
     let (equations, parameters) = (model.equations(), theta.len());
     let (mut phi, mut y) = (vec![0.0; equations * parameters], vec![0.0; equations]);

@@ -16,7 +16,7 @@ const WINDOW_S: f64 = 1.0;
 ///
 /// # Errors
 /// [`SolveError`] as [`regression::visit`].
-fn regression_start(model: &dyn RegressorModel, map: &ParameterMap, data: &Dataset) -> Result<Vec<f64>, SolveError> {
+pub(crate) fn regression_start(model: &dyn RegressorModel, map: &ParameterMap, data: &Dataset) -> Result<Vec<f64>, SolveError> {
     let window = ((WINDOW_S / data.period()).round() as usize).clamp(1, (super::typical_rows(data) / 2).max(1));
     let settings = Settings { form: Form::Integral, integral_samples: window, ..Settings::default() };
     let (equations, parameters, free) = (model.equations(), model.parameters().len(), map.free.len());
@@ -63,7 +63,7 @@ pub(crate) fn quick_fit<'a>(
 
 /// Replaces coefficients of accelerations that the data left at zero or below, with which nothing can be simulated, by their
 /// plausible size at a time constant of ten periods.
-fn simulable(model: &dyn RegressorModel, map: &ParameterMap, data: &Dataset, mut z: Vec<f64>) -> Vec<f64> {
+pub(crate) fn simulable(model: &dyn RegressorModel, map: &ParameterMap, data: &Dataset, mut z: Vec<f64>) -> Vec<f64> {
     let theta = map.theta(&z);
     let runs = |z: &[f64]| {
         let free_run = FreeRun::new(model, map, data, Vec::new());
