@@ -187,3 +187,28 @@ fn a_drive_pulls_no_harder_than_its_limit() {
         assert!(error < 2e-4, "{limit} {rho}: {error}");
     }
 }
+
+#[test]
+fn effects_of_the_command_side_pass_it_on_in_their_order() {
+    let (tau, rate, d, m, g, lag) = (0.06, 1.5, 0.05, 0.4, 0.04, 0.09);
+    let soft = DeadZone { subtracting: true, ..DeadZone::default() };
+    let effects: [&dyn wheelwright_core::Effect; 6] = [
+        &ActuatorLag::default(),
+        &GainAsymmetry {},
+        &VelocitySaturation::default(),
+        &soft,
+        &SlewLimit { wheels: false, axis: Some(Axis::V) },
+        &CommandDelay::default(),
+    ];
+    let pass = |forward: f64, turn: f64| {
+        let passed = wheels([forward, turn]).map(|u| u.signum() * (u.abs() - d).max(0.0)).map(|u| u.max(-m).min(m));
+        body([(1.0 - g) * passed[0], (1.0 + g) * passed[1]])
+    };
+    let [forward, turn] = pass(0.3, 0.2);
+    let error = difference(&effects, &[lag, g, m, d, rate, tau], &late(tau), [0.3, 0.2, 0.3, forward, turn], |s, t, x| {
+        let u = held(s, t - tau);
+        let (passed, a) = (pass(x[2], u[1]), base([x[3], x[4]], x));
+        [a[0], a[1], ramp(u[0], x[2], rate), (passed[0] - x[3]) / lag, (passed[1] - x[4]) / lag]
+    });
+    assert!(error < 2e-4, "{error}");
+}

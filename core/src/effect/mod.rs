@@ -43,7 +43,9 @@ pub enum Stage {
     Load,
     /// Dynamics: what is left to accelerate, and what it accelerates.
     Drive,
-    /// Measurement: what is recorded of the outputs.
+    /// Measurement: when the outputs are looked at.
+    Reading,
+    /// Measurement: what is recorded of them.
     Sensor,
 }
 
@@ -64,7 +66,7 @@ impl Stage {
     pub fn place(self) -> Place {
         match self {
             Self::Load | Self::Drive => Place::Dynamics,
-            Self::Sensor => Place::Measurement,
+            Self::Reading | Self::Sensor => Place::Measurement,
             _ => Place::Command,
         }
     }

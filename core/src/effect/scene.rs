@@ -3,6 +3,7 @@
 use crate::channel::Channel;
 use crate::dataset::{Dataset, Stretch};
 use crate::model::RegressorModel;
+use crate::simulation::Readout;
 
 use super::Frame;
 
@@ -152,9 +153,19 @@ pub struct Instant<'a> {
     pub track: &'a Track,
     /// The scene.
     pub scene: &'a Scene,
+    /// How the outputs are read that sensors see.
+    pub readout: Readout,
 }
 
 impl Instant<'_> {
+    /// Time from the sample before this row to it \[s\]; zero at the first.
+    pub fn interval(&self) -> f64 {
+        match self.row.checked_sub(1) {
+            Some(before) => self.stretch.time[self.row] - self.stretch.time[before],
+            None => 0.0,
+        }
+    }
+
     /// The command of an input that was held at an earlier time; before the stretch, its first.
     pub fn held(&self, time: f64, input: usize) -> f64 {
         self.stretch.inputs[input][self.row_at(time)]

@@ -156,7 +156,7 @@ impl<'a> EffectSimulator<'a> {
         }
         slots.sort_by_key(|s| s.stage);
         let driven = slots.iter().any(|s| s.stage == Stage::Drive);
-        let sensed = slots.iter().any(|s| s.stage == Stage::Sensor);
+        let sensed = slots.iter().any(|s| s.place == Place::Measurement);
         let m = model.inputs().len();
         let buffer = || vec![0.0; n];
         let body = Body {
@@ -278,7 +278,15 @@ impl<'a> EffectSimulator<'a> {
         simulated: &mut [Vec<f64>],
     ) -> Result<(), ModelError> {
         let track = &self.scene.tracks[s];
-        let at = Instant { time: stretch.time[rows.start], span: 0.0, row: rows.start, stretch, track, scene: self.scene };
+        let at = Instant {
+            time: stretch.time[rows.start],
+            span: 0.0,
+            row: rows.start,
+            stretch,
+            track,
+            scene: self.scene,
+            readout: self.readout,
+        };
         self.begin(&at, initial);
         for (i, out) in simulated.iter_mut().enumerate() {
             out.clear();
@@ -294,7 +302,7 @@ impl<'a> EffectSimulator<'a> {
             if self.body.x.iter().any(|x| !x.is_finite()) {
                 return Err(ModelError::Diverged { model: self.model.name().to_owned(), time: stretch.time[k] });
             }
-            let at = Instant { time: stretch.time[k], span: 0.0, row: k, stretch, track, scene: self.scene };
+            let at = Instant { time: stretch.time[k], span: 0.0, row: k, stretch, track, scene: self.scene, readout: self.readout };
             self.record(&at, stretch.time[k] - stretch.time[k - 1], simulated, false);
         }
         Ok(())
@@ -330,7 +338,7 @@ impl<'a> EffectSimulator<'a> {
             }
             let trace = &*trace;
             let past = |time: f64, out: &mut [f64]| trace.at(time, out);
-            for slot in effects.iter().filter(|s| s.stage == Stage::Sensor) {
+            for slot in effects.iter().filter(|s| s.place == Place::Measurement) {
                 slot.effect.measure(&slot.values, at, &past, &mut state[slot.states.clone()], seen);
             }
         }
@@ -366,7 +374,7 @@ impl<'a> EffectSimulator<'a> {
         self.body.travelled.fill(0.0);
         let mut worst: f64 = 0.0;
         while end - time > tolerance {
-            let at = Instant { time, span: 0.0, row: k, stretch, track, scene: self.scene };
+            let at = Instant { time, span: 0.0, row: k, stretch, track, scene: self.scene, readout: self.readout };
             self.arrive(&at);
             let switches = self.effects.iter().map(|s| s.effect.next_switch(&s.values, &at, &self.state[s.states.clone()]));
             let switch = switches.filter(|t| *t > time + tolerance).fold(end, f64::min);

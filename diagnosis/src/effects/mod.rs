@@ -11,6 +11,12 @@
 //! | `command_offset` | command | a constant is added |
 //! | `actuator_lag` | command | the drive follows its command with a second time constant |
 //! | `integral_action` | command | the speed loops integrate |
+//! | `wheel_radius_mismatch` | measurement | the wheels' radii differ from those of the odometry |
+//! | `track_width_error` | measurement | the odometry reckons with a wrong track |
+//! | `wheel_eccentricity` | measurement | a wheel's speed ripples once a turn |
+//! | `sensor_delay` | measurement | measurements are late |
+//! | `encoder_quantisation` | measurement | speeds are whole counts over an interval |
+//! | `timestamp_jitter` | measurement | the stamps are off by chance |
 //! | `torque_saturation` | dynamics | the drives' force is limited |
 //! | `coulomb_friction` | dynamics | dry friction of constant size at both wheels |
 //! | `coulomb_friction_one_wheel` | dynamics | dry friction at one wheel |
@@ -28,18 +34,25 @@ mod coulomb_friction;
 mod coulomb_friction_one_wheel;
 mod dead_zone;
 mod direction_asymmetry;
+mod encoder_quantisation;
 mod force;
 mod gain_asymmetry;
 mod integral_action;
 mod late;
 mod parts;
 mod quadratic_drag;
+mod reading;
 mod rolling_resistance;
+mod sensor_delay;
 mod slew_limit;
 mod stribeck_friction;
+mod timestamp_jitter;
 mod torque_saturation;
+mod track_width_error;
 mod velocity_saturation;
 mod viscous_asymmetry;
+mod wheel_eccentricity;
+mod wheel_radius_mismatch;
 mod words;
 
 use wheelwright_core::Effect;
@@ -54,22 +67,29 @@ pub use coulomb_friction::CoulombFriction;
 pub use coulomb_friction_one_wheel::CoulombFrictionOneWheel;
 pub use dead_zone::DeadZone;
 pub use direction_asymmetry::DirectionAsymmetry;
+pub use encoder_quantisation::EncoderQuantisation;
 pub use force::Wheel;
 pub use gain_asymmetry::GainAsymmetry;
 pub use integral_action::IntegralAction;
 pub use parts::Axis;
 pub use quadratic_drag::QuadraticDrag;
 pub use rolling_resistance::RollingResistance;
+pub use sensor_delay::SensorDelay;
 pub use slew_limit::SlewLimit;
 pub use stribeck_friction::StribeckFriction;
+pub use timestamp_jitter::TimestampJitter;
 pub use torque_saturation::TorqueSaturation;
+pub use track_width_error::TrackWidthError;
 pub use velocity_saturation::VelocitySaturation;
 pub use viscous_asymmetry::{Between, ViscousAsymmetry};
+pub use wheel_eccentricity::WheelEccentricity;
+pub use wheel_radius_mismatch::WheelRadiusMismatch;
 
 /// The built-in effects in the order in which they are tried; effects with a side or an axis stand once for each.
 pub fn library() -> Vec<Box<dyn Effect>> {
     let mut all = command_side();
     all.extend(dynamics());
+    all.extend(sensors());
     all
 }
 
@@ -101,6 +121,20 @@ fn command_side() -> Vec<Box<dyn Effect>> {
         all.push(Box::new(DeadZone { wheel: Some(wheel), ..DeadZone::default() }));
     }
     all
+}
+
+/// Effects between what happened and what was recorded.
+fn sensors() -> Vec<Box<dyn Effect>> {
+    vec![
+        Box::new(WheelRadiusMismatch::default()),
+        Box::new(TrackWidthError {}),
+        Box::new(WheelEccentricity { wheel: Some(Wheel::Left) }),
+        Box::new(WheelEccentricity { wheel: Some(Wheel::Right) }),
+        Box::new(WheelEccentricity::default()),
+        Box::new(SensorDelay {}),
+        Box::new(EncoderQuantisation::default()),
+        Box::new(TimestampJitter::default()),
+    ]
 }
 
 /// Effects on the dynamics.
