@@ -47,6 +47,14 @@ pub enum Error {
         /// Position and reason.
         error: ReadError,
     },
+    /// A JSON document is not what it should be.
+    #[error("{}: {message}", .path.display())]
+    Json {
+        /// The file.
+        path: PathBuf,
+        /// Place and reason.
+        message: String,
+    },
     /// The recordings hold too little for what was asked.
     #[error("{0}")]
     TooLittle(String),
@@ -91,7 +99,7 @@ impl Error {
     /// 5 the robot or a plugin failed; 1 anything else.
     pub fn status(&self) -> u8 {
         match self {
-            Self::Usage(_) | Self::Config { .. } | Self::Recording { .. } | Self::Excitation(_) => 2,
+            Self::Usage(_) | Self::Config { .. } | Self::Json { .. } | Self::Recording { .. } | Self::Excitation(_) => 2,
             Self::Io { error, .. } if error.kind() == std::io::ErrorKind::NotFound => 2,
             Self::TooLittle(_) => 3,
             Self::Identify(IdentifyError::Solve(error)) => solve_status(error),
@@ -109,6 +117,11 @@ impl Error {
     /// A configuration error of a setting that stands in no file.
     pub fn setting(path: &str, message: impl Into<String>) -> Self {
         Self::Config { file: PathBuf::new(), position: None, error: ConfigError::new(path, message) }
+    }
+
+    /// A document that is not what it should be.
+    pub fn json(path: &std::path::Path, message: String) -> Self {
+        Self::Json { path: path.to_owned(), message }
     }
 
     /// A refused recording, from its content alone.

@@ -61,7 +61,7 @@ pub fn term(file: &ModelFile, found: &Diagnosis, model: &dyn RegressorModel, reg
     let loaded = file.effects(&found.scene, registry).map_err(|e| Error::setting(&e.path, e.message.clone()))?;
     let theta: Vec<f64> = found.base.iter().map(|p| p.after).collect();
     let bench = Bench::new(&found.scene, model);
-    let tabled: Vec<&LoadedEffect> = loaded.iter().filter(|l| in_table(&*l.effect)).collect();
+    let tabled: Vec<&LoadedEffect> = loaded.iter().filter(|l| in_table(&*l.effect, &found.scene)).collect();
     let mut rows = Vec::new();
     if !tabled.is_empty() {
         for x in grid(&found.training.measured) {
@@ -102,9 +102,9 @@ impl Term {
 }
 
 /// Whether an effect is a function of the motion and the command alone, so that a table can meet it.
-fn in_table(effect: &dyn Effect) -> bool {
+fn in_table(effect: &dyn Effect, scene: &Scene) -> bool {
     match effect.stage() {
-        Stage::Load => effect.states() == 0,
+        Stage::Load => effect.states(scene) == 0,
         Stage::Threshold | Stage::Gain => true,
         _ => false,
     }
@@ -114,7 +114,7 @@ fn note(loaded: &LoadedEffect, scene: &Scene) -> Note {
     let effect = &*loaded.effect;
     let first = effect.parameters(scene).iter().zip(&loaded.values).find(|(p, _)| p.unit == "s").map(|(_, v)| *v);
     let (by, seconds, how) = match effect.stage() {
-        _ if in_table(effect) => ("table", None, "add the table's values to the command"),
+        _ if in_table(effect, scene) => ("table", None, "add the table's values to the command"),
         Stage::Transport => ("preview", first, "send each command this much earlier"),
         Stage::Filter => ("lead", first, "add the rate of change of the command times this"),
         Stage::Ramp | Stage::Limit => ("none", None, "no command gets past a limit: plan motion that stays within it"),
@@ -175,7 +175,7 @@ impl<'a> Bench<'a> {
         for _ in 0..ITERATIONS {
             let mut arrives = sent.clone();
             for l in effects.iter().filter(|l| l.effect.stage() != Stage::Load) {
-                let mut state = vec![0.0; l.effect.states()];
+                let mut state = vec![0.0; l.effect.states(self.scene)];
                 l.effect.begin(&l.values, &at, &arrives, x, &mut state);
                 l.effect.command(&l.values, &at, x, &mut state, &mut arrives);
             }

@@ -17,9 +17,11 @@ pub mod online;
 pub mod output;
 pub mod registry;
 pub mod report;
+pub mod score;
 pub mod source;
 pub mod study;
 pub mod toml_file;
+pub mod trial;
 
 pub use error::Error;
 pub use wheelwright_core as core;

@@ -8,9 +8,11 @@ mod inspect;
 mod page;
 mod plugins;
 mod run;
+mod score;
 mod setup;
 mod simulate;
 mod text;
+mod trial;
 
 use std::path::PathBuf;
 use std::time::Duration;
@@ -72,9 +74,13 @@ enum Command {
     Diagnose(diagnose::Arguments),
     /// Free-run simulation of an identified model
     Simulate(simulate::Arguments),
+    /// Diagnose every case of a folder without any key, one answer file a case
+    Trial(trial::Arguments),
+    /// Score the answers of a trial against the key
+    Score(score::Arguments),
     /// What is in a recording: columns, topics, rate, gaps, jitter, excitation
     Inspect(inspect::Arguments),
-    /// List models, robots, solvers and excitations, built in and loaded; check a plugin
+    /// List models, robots, solvers, excitations and effects, built in and loaded; check a plugin
     Plugins(plugins::Arguments),
 }
 
@@ -101,6 +107,8 @@ pub fn main() -> u8 {
         Command::Identify(arguments) => identify::run(arguments, &cli.shared, &console),
         Command::Diagnose(arguments) => diagnose::run(arguments, &cli.shared, &console),
         Command::Simulate(arguments) => simulate::run(arguments, &cli.shared, &console),
+        Command::Trial(arguments) => trial::run(arguments, &cli.shared, &console),
+        Command::Score(arguments) => score::run(arguments, &cli.shared, &console),
         Command::Inspect(arguments) => inspect::run(arguments, &cli.shared, &console),
         Command::Plugins(arguments) => plugins::run(arguments, &cli.shared, &console),
     };

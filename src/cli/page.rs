@@ -68,7 +68,7 @@ fn file_name(path: &str) -> String {
 }
 
 /// The command that makes the page again, as the user typed it.
-fn command_line() -> String {
+pub(super) fn command_line() -> String {
     let quoted = |a: String| if a.contains(char::is_whitespace) { format!("'{a}'") } else { a };
     std::iter::once("wheelwright".to_owned()).chain(std::env::args().skip(1).map(quoted)).collect::<Vec<_>>().join(" ")
 }

@@ -8,6 +8,7 @@ pub mod diagnosis;
 pub mod number;
 pub mod page;
 pub mod plot;
+pub mod score;
 pub mod spectrum;
 pub mod table;
 pub mod terms;

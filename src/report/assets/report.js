@@ -220,7 +220,7 @@
     const hint = document.createElement("p");
     hint.className = "note hint";
     hint.textContent = "Drag across a plot to zoom in; double-click or double-tap to go back.";
-    figures[0].element.before(hint);
+    (figures[0].element.closest(".grid") || figures[0].element).before(hint);
   }
 
   let width = root.clientWidth;
