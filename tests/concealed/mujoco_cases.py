@@ -3,7 +3,9 @@
     python tests/concealed/mujoco_cases.py make --out DIR --key KEY.json --seed S \
         --set nulls|singles|pairs|other_forms|outside|mixed --count N [--jobs 1] [--engine mujoco|bullet]
 
-writes N case folders (train.csv, validate.csv, robot.toml) into DIR and the key outside it. The same seed gives the same bytes.
+    python tests/concealed/mujoco_cases.py drive --key KEY.json --case c0042 --commands next.csv --out answer.csv
+
+`make` writes N case folders (train.csv, validate.csv, robot.toml) into DIR and the key outside it. The same seed gives the same bytes.
 Needs numpy and mujoco (`pip install numpy mujoco`); it is not part of the project's own tests. See MUJOCO.md beside this file.
 
 This is the referee's side: it shares no code with the diagnosis and must never be read by it.
@@ -13,6 +15,7 @@ from __future__ import annotations
 
 import argparse
 import csv
+import hashlib
 import importlib.metadata
 import json
 import sys
@@ -166,6 +169,7 @@ def _with_levels(case: dict, truth: sensing.Truth) -> None:
         level = np.array([step / np.sqrt(2.0), step * np.sqrt(2.0) / robot.track])
         setup.noise = "white"
     setup.level = (float(level[0]), float(level[1]))
+    case["relative_noise"] = level / rms
 
 
 def _rounded(truth: sensing.Truth, case: dict) -> np.ndarray:
@@ -188,7 +192,7 @@ def _ceiling(truth: sensing.Truth, columns: dict) -> dict:
 
 def _attempt(name: str, recipes, seed: int, index: int, attempt: int, strength_floor: float, engine_name: str = "mujoco") -> dict:
     rng = np.random.default_rng([seed, 2, index, attempt])
-    case = _draw(name, recipes, rng, strength_floor)
+    case = _draw(name, recipes, rng, strength_floor) | {"floor": strength_floor}
     robot, setup = case["robot"], case["setup"]
     case["simulate"] = engine(engine_name)[0]
     runs = [case["simulate"](robot, case[h], case[u], setup.rate_hz) for h, u in (("hidden", "train"), ("again", "validate"))]
@@ -212,13 +216,14 @@ def _attempt(name: str, recipes, seed: int, index: int, attempt: int, strength_f
 
 def make_case(job: tuple) -> dict:
     """Simulate, record and write one case; returns its entry in the key."""
-    index, name, recipes, seed, out, engine_name = job
-    case = None
+    index, name, recipes, origin, out = job
+    case, taken = None, 0
     for attempt in range(6):
         try:
-            case = _attempt(name, recipes, seed, index, attempt, 0.0 if case is None else 0.6, engine_name)
+            case = _attempt(name, recipes, origin["seed"], index, attempt, 0.0 if case is None else 0.6, origin["engine"])
         except (ArithmeticError, np.linalg.LinAlgError):
             continue
+        taken = attempt
         weakest = min([case["detectability"], *(case["each"] or [])])
         if not recipes or weakest >= FAINT or attempt >= 2:
             break
@@ -234,7 +239,25 @@ def make_case(job: tuple) -> dict:
         f'name = "robot-{index + 1}"\nmodel = "{"wheel-pd" if robot.level == "wheel" else "vw-pd"}"\n'
         f"track_width = {track:.4g}\nwheel_radius = {radius:.4g}\nmass = {mass:.3g}\n"
     )
-    return _entry(folder.name, name, recipes, case, engine_name)
+    return _entry(folder.name, name, recipes, case, origin | {"index": index, "attempt": taken, "floor": case["floor"]})
+
+
+def drive_again(entry: dict, commands: Path, out: Path) -> None:
+    """Drive the robot of a case through other commands (t, v_ref, omega_ref at the case's rate): same hidden physics, new noise."""
+    origin = entry["origin"]
+    simulate, _, can = engine(origin["engine"])
+    name, recipes = plan(origin["set"], origin["count"], origin["seed"], can)[origin["index"]]
+    case = _attempt(name, recipes, origin["seed"], origin["index"], origin["attempt"], origin["floor"], origin["engine"])
+    with commands.open(newline="") as f:
+        rows = list(csv.DictReader(f))
+    stamps = np.array([float(r["t"]) for r in rows])
+    if len(stamps) < 2 or np.max(np.abs(np.diff(stamps) * case["setup"].rate_hz - 1.0)) > 0.05:
+        raise SystemExit(f"{commands}: the case's robot takes commands at {case['setup'].rate_hz} Hz; give one row a sample")
+    driven = np.array([[float(r["v_ref"]), float(r["omega_ref"])] for r in rows])
+    run = simulate(case["robot"], case["again"], driven, case["setup"].rate_hz)
+    truth = sensing.observe(run, case["robot"], case["hidden"], case["setup"], _clock(case, 2))
+    rng = np.random.default_rng([origin["seed"], 3, origin["index"], len(driven)])
+    _write_csv(out, sensing.record(truth, driven, case["robot"], case["hidden"], case["setup"], rng))
 
 
 def _write_csv(path: Path, columns: dict[str, np.ndarray]) -> None:
@@ -244,15 +267,16 @@ def _write_csv(path: Path, columns: dict[str, np.ndarray]) -> None:
         rows.writerows([format(x, ".7g") for x in row] for row in zip(*columns.values()))
 
 
-def _entry(case_name: str, name: str, recipes, case: dict, engine_name: str) -> dict:
+def _entry(case_name: str, name: str, recipes, case: dict, origin: dict) -> dict:
     setup, robot, hidden = case["setup"], case["robot"], case["hidden"]
     named = [(r, p) for r, p in zip(recipes, case["parameters"]) if r.effect]
     alike = [effects.equivalents(r.effect, p, case["reverses"], case["train_kind"], setup.channels, setup.wheels) for r, p in named]
     acceptable = _combine([[[r.effect]] + a for (r, _), a in zip(named, alike)])
     if any(r.effect == "encoder_quantisation" and not hidden.counts_instant for r in recipes):
         acceptable += [s + [d] for s in _combine([[[r.effect]] + a for (r, _), a in zip(named, alike)], True) for d in ("sensor_delay", "command_delay")]
-    if setup.noise == "quantised":  # the values are rounded to a lattice: to say so is right, not to say so is right too
+    if setup.noise == "quantised" and name != "outside":  # the values are rounded to a lattice: to say so is right, not to say so is right too
         acceptable += [s + ["encoder_quantisation"] for s in [[r.effect for r, _ in named]] + acceptable]
+    forms = [r.form if "form" not in p else str(p["form"]) for r, p in zip(recipes, case["parameters"]) if r.form != "engine" or "form" in p]
     end = float(len(case["train"]) / setup.rate_hz)
     times = [[a, min(b, end)] for a, b in hidden.dropouts] + [[p[0], min(p[1], end)] for p in hidden.pushes]
     if hidden.payload_mass > 0:
@@ -265,19 +289,24 @@ def _entry(case_name: str, name: str, recipes, case: dict, engine_name: str) -> 
         "truth": [{"effect": r.effect, "parameters": _plain(p)} for r, p in named],
         "acceptable": acceptable,
         "outside": next((r.outside for r in recipes if r.outside), None),
+        "form": "; ".join(forms) or None,
         "robot": robot.family if robot.family in ("pioneer", "khepera") else "random",
         "excitation": case["train_kind"],
+        "validate_excitation": case["validate_kind"],
         "noise": setup.noise,
+        "noise_level": dict(zip(("v", "omega"), (round(float(x), 6) for x in case["relative_noise"]))),
         "rate_hz": setup.rate_hz,
         "strength": round(float(min(case["strengths"])), 3) if case["strengths"] else None,
+        "strengths": [round(float(s), 3) for s in case["strengths"]],
         "detectability": round(case["detectability"], 3),
+        "detectability_each": case["each"] and [round(x, 3) for x in case["each"]],
         "times": sorted([round(a, 3), round(b, 3)] for a, b in times) or None,
         "regions": [{"of": "v", "from": -hidden.dead, "to": hidden.dead}] if hidden.dead > 0 else None,
         "noise_ceiling": case["ceiling"],
+        "origin": origin,
         "engine": {
-            "name": engine_name, "channels": setup.channels, "servo": robot.level, "family": robot.family, "castor": robot.castor,
-            "form": [r.form for r in recipes], "cause": [r.family for r in recipes], "validate_excitation": case["validate_kind"],
-            "detectability_each": case["each"] and [round(x, 3) for x in case["each"]], "wheels_reverse": case["reverses"], "noise_level": list(setup.level),
+            "name": origin["engine"], "channels": setup.channels, "servo": robot.level, "family": robot.family, "castor": robot.castor,
+            "cause": [r.family for r in recipes], "wheels_reverse": case["reverses"],
         },
     }
 
@@ -294,6 +323,25 @@ def _plain(parameters: dict) -> dict:
     return {k: v if isinstance(v, str) else round(float(v), 8) for k, v in parameters.items()}
 
 
+def _make(args, parser) -> None:
+    if args.key.resolve().is_relative_to(args.out.resolve()):
+        parser.error("the key must lie outside the folder of the cases")
+    _, version, can = engine(args.engine)
+    origin = {"engine": args.engine, "set": args.set, "seed": args.seed, "count": args.count}
+    cases = plan(args.set, args.count, args.seed, can)
+    jobs = [(i, name, recipes, origin, str(args.out)) for i, (name, recipes) in enumerate(cases)]
+    if args.jobs > 1:
+        with ProcessPoolExecutor(args.jobs) as pool:
+            entries = list(pool.map(make_case, jobs))
+    else:
+        entries = [make_case(job) for job in jobs]
+    args.key.parent.mkdir(parents=True, exist_ok=True)
+    key = {"schema": "wheelwright.key/1", "generator": {"engine": version, "seed": args.seed, "set": args.set}, "cases": entries}
+    text = json.dumps(key, indent=1) + "\n"
+    args.key.write_text(text)
+    print(f"{len(entries)} cases in {args.out}; key sealed by SHA-256 {hashlib.sha256(text.encode()).hexdigest()}")
+
+
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     commands = parser.add_subparsers(dest="command", required=True)
@@ -305,20 +353,19 @@ def main() -> int:
     make.add_argument("--count", type=int, default=60)
     make.add_argument("--jobs", type=int, default=1)
     make.add_argument("--engine", choices=["mujoco", "bullet"], default="mujoco")
+    again = commands.add_parser("drive", help="drive the robot of a case through given commands")
+    again.add_argument("--key", required=True, type=Path)
+    again.add_argument("--case", required=True)
+    again.add_argument("--commands", required=True, type=Path, help="CSV with t, v_ref, omega_ref")
+    again.add_argument("--out", required=True, type=Path)
     args = parser.parse_args()
-    if args.key.resolve().is_relative_to(args.out.resolve()):
-        parser.error("the key must lie outside the folder of the cases")
-    _, version, can = engine(args.engine)
-    cases = plan(args.set, args.count, args.seed, can)
-    jobs = [(i, name, recipes, args.seed, str(args.out), args.engine) for i, (name, recipes) in enumerate(cases)]
-    if args.jobs > 1:
-        with ProcessPoolExecutor(args.jobs) as pool:
-            entries = list(pool.map(make_case, jobs))
-    else:
-        entries = [make_case(job) for job in jobs]
-    args.key.parent.mkdir(parents=True, exist_ok=True)
-    generator = {"engine": version, "seed": args.seed, "set": args.set}
-    args.key.write_text(json.dumps({"schema": "wheelwright.key/1", "generator": generator, "cases": entries}, indent=1) + "\n")
+    if args.command == "make":
+        _make(args, parser)
+        return 0
+    entry = next((c for c in json.loads(args.key.read_text())["cases"] if c["case"] == args.case), None)
+    if entry is None:
+        parser.error(f"{args.key} has no case {args.case}")
+    drive_again(entry, args.commands, args.out)
     return 0
 
 
