@@ -64,6 +64,7 @@ def plan(which: str, count: int, seed: int, can) -> list[tuple[str, list[effects
         if name == "pairs":
             out.append((name, _pair(rng, pools["singles"])))
             continue
+        name = name if pools[name] else "singles"
         if not queues[name]:
             queues[name] = [pools[name][i] for i in rng.permutation(len(pools[name]))]
         out.append((name, [queues[name].pop()]))
