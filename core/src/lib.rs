@@ -33,6 +33,7 @@ pub mod robot;
 pub mod signal;
 pub mod simulation;
 pub mod solver;
+pub mod start;
 pub mod validation;
 
 pub use channel::Channel;

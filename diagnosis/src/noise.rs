@@ -1,41 +1,222 @@
-//! The law of the noise: per output an autoregression of its past, across outputs a covariance, per row a weight.
+//! The law of the noise: per output an autoregression of its past, across outputs a correlation, per row a weight.
 //!
 //! Whitening with it turns residuals into uncorrelated numbers of unit variance, so that sums of squares are log-likelihoods.
+//! Rows whose innovation is far out for a normal distribution weigh less (Huber): heavy tails are no physics.
+
+use nalgebra::DMatrix;
+
+use crate::fit::layout::Layout;
+
+/// Longest autoregression tried.
+const LONGEST: usize = 8;
+/// Innovations beyond this many robust standard deviations weigh less. 2 keeps 99 % of the efficiency at the normal distribution.
+const HUBER: f64 = 2.0;
+/// Standard deviation over median magnitude of a normal distribution.
+const MEDIAN_TO_DEVIATION: f64 = 1.482_602_2;
 
 /// A whitening for all outputs and rows of one data set.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Noise {
-    /// By output: coefficients of the autoregression.
-    pub coefficients: Vec<Vec<f64>>,
+    filters: Vec<Filter>,
     /// By output: standard deviation of the innovations.
     pub innovation: Vec<f64>,
     /// By output: standard deviation of the noise itself.
     pub deviation: Vec<f64>,
     /// Inverse Cholesky factor of the innovations' correlation, row-major, lower triangular.
-    pub mix: Vec<f64>,
+    mix: Vec<f64>,
     /// By stretch, output, row: weight of the innovation, 1 where nothing is special.
     pub weights: Vec<Vec<Vec<f64>>>,
 }
 
+/// Predictors of every order up to that of the noise, for the first rows of a stretch, and what each leaves.
+#[derive(Debug, Clone, PartialEq)]
+struct Filter {
+    coefficients: Vec<Vec<f64>>,
+    gains: Vec<f64>,
+}
+
 impl Noise {
+    /// White, independent noise of these standard deviations.
+    pub(crate) fn white(deviation: &[f64], layout: &Layout) -> Self {
+        let n = deviation.len();
+        let weights = (0..layout.stretches()).map(|s| vec![vec![1.0; layout.length(s)]; n]).collect();
+        Self {
+            filters: vec![Filter { coefficients: vec![Vec::new()], gains: vec![1.0] }; n],
+            innovation: deviation.to_vec(),
+            deviation: deviation.to_vec(),
+            mix: (0..n * n).map(|k| f64::from(u8::from(k / n == k % n))).collect(),
+            weights,
+        }
+    }
+
+    /// Estimates the law from residuals in which `taken` degrees of freedom were fitted. No deviation is taken for less than `floor`.
+    pub(crate) fn estimate(residual: &[f64], layout: &Layout, taken: f64, floor: &[f64]) -> Self {
+        let n = layout.outputs();
+        let left = (layout.rows() as f64 - taken / n as f64).max(1.0);
+        let mut noise = Self::white(&vec![1.0; n], layout);
+        for c in 0..n {
+            let parts: Vec<&[f64]> = (0..layout.stretches()).map(|s| &residual[layout.part(c, s)]).collect();
+            let (filter, variance, innovation) = Filter::estimate(&parts, layout.rows(), floor[c]);
+            let correction = layout.rows() as f64 / left;
+            noise.filters[c] = filter;
+            noise.deviation[c] = (variance * correction).sqrt().max(floor[c]);
+            noise.innovation[c] = (innovation * correction).sqrt().max(floor[c]);
+        }
+        let mut white = residual.to_vec();
+        noise.whiten_flat(layout, &mut white);
+        noise.weigh(&white, layout);
+        noise.correlate(&white, layout);
+        noise
+    }
+
+    /// Weights by the size of each innovation, and the innovations' deviation as the bulk shows it.
+    fn weigh(&mut self, white: &[f64], layout: &Layout) {
+        for c in 0..layout.outputs() {
+            let mut sizes: Vec<f64> = white[layout.output(c)].iter().map(|x| x.abs()).collect();
+            let middle = sizes.len() / 2;
+            let median = *sizes.select_nth_unstable_by(middle, f64::total_cmp).1;
+            let spread = MEDIAN_TO_DEVIATION * median;
+            // More than half of the values exactly alike (a coarse lattice): the bulk has no spread to go by.
+            if spread < 0.1 {
+                continue;
+            }
+            for s in 0..layout.stretches() {
+                for (w, x) in self.weights[s][c].iter_mut().zip(&white[layout.part(c, s)]) {
+                    *w = (HUBER * spread / x.abs().max(f64::MIN_POSITIVE)).min(1.0).sqrt();
+                }
+            }
+        }
+    }
+
+    /// Correlation of the innovations across outputs, by weighted rows.
+    fn correlate(&mut self, white: &[f64], layout: &Layout) {
+        let n = layout.outputs();
+        let mut moments = DMatrix::zeros(n, n);
+        for i in 0..n {
+            for j in 0..=i {
+                let mut sum = 0.0;
+                for s in 0..layout.stretches() {
+                    let (a, b) = (&white[layout.part(i, s)], &white[layout.part(j, s)]);
+                    let (wa, wb) = (&self.weights[s][i], &self.weights[s][j]);
+                    sum += a.iter().zip(wa).zip(b.iter().zip(wb)).map(|((a, wa), (b, wb))| a * wa * wa * b * wb * wb).sum::<f64>();
+                }
+                moments[(i, j)] = sum;
+                moments[(j, i)] = sum;
+            }
+        }
+        let correlation = DMatrix::from_fn(n, n, |i, j| {
+            if i == j { 1.0 } else { moments[(i, j)] / (moments[(i, i)] * moments[(j, j)]).sqrt().max(f64::MIN_POSITIVE) }
+        });
+        // Correlations that chance makes are left out.
+        let chance = 3.0 / (layout.rows() as f64).sqrt();
+        let correlation = correlation.map(|x| if x.abs() < chance { 0.0 } else { x });
+        let factor = correlation.cholesky().map(|c| c.l());
+        let inverse = factor.and_then(|l| l.solve_lower_triangular(&DMatrix::identity(n, n)));
+        if let Some(inverse) = inverse.filter(|m| m.iter().all(|x| x.is_finite() && x.abs() < 1e3)) {
+            self.mix = (0..n * n).map(|k| inverse[(k / n, k % n)]).collect();
+        }
+    }
+
+    /// Order of each output's autoregression.
+    pub fn orders(&self) -> Vec<usize> {
+        self.filters.iter().map(|f| f.gains.len() - 1).collect()
+    }
+
     /// Whitens the values of one stretch (by output, then row) in place.
     pub fn whiten(&self, stretch: usize, values: &mut [Vec<f64>]) {
-        for (output, series) in values.iter_mut().enumerate() {
-            let a = &self.coefficients[output];
-            for k in (0..series.len()).rev() {
-                let foreseen: f64 = a.iter().zip(series[..k].iter().rev()).map(|(a, e)| a * e).sum();
-                series[k] = (series[k] - foreseen) / self.innovation[output];
-            }
+        for (c, series) in values.iter_mut().enumerate() {
+            self.filters[c].apply(series, self.innovation[c]);
         }
         let n = values.len();
         for i in (0..n).rev() {
             let (above, rest) = values.split_at_mut(i);
-            for (k, x) in rest[0].iter_mut().enumerate() {
-                *x = self.mix[i * n + i] * *x + above.iter().enumerate().map(|(j, o)| self.mix[i * n + j] * o[k]).sum::<f64>();
-            }
+            let row = &self.mix[i * n..(i + 1) * n];
+            mix(row, above.iter().map(Vec::as_slice), &mut rest[0]);
         }
         for (series, weights) in values.iter_mut().zip(&self.weights[stretch]) {
             series.iter_mut().zip(weights).for_each(|(x, w)| *x *= w);
+        }
+    }
+
+    /// The same for all values of a data set at once.
+    pub(crate) fn whiten_flat(&self, layout: &Layout, values: &mut [f64]) {
+        let n = layout.outputs();
+        for c in 0..n {
+            for s in 0..layout.stretches() {
+                self.filters[c].apply(&mut values[layout.part(c, s)], self.innovation[c]);
+            }
+        }
+        let rows = layout.rows();
+        for i in (1..n).rev() {
+            let row = &self.mix[i * n..(i + 1) * n];
+            if row[..i].iter().any(|x| *x != 0.0) {
+                let (above, rest) = values.split_at_mut(i * rows);
+                mix(row, above.chunks_exact(rows), &mut rest[..rows]);
+            }
+        }
+        for c in 0..n {
+            for s in 0..layout.stretches() {
+                values[layout.part(c, s)].iter_mut().zip(&self.weights[s][c]).for_each(|(x, w)| *x *= w);
+            }
+        }
+    }
+}
+
+/// One row of the mixing of outputs, the last of `row` that is not zero its own.
+fn mix<'v>(row: &[f64], above: impl Iterator<Item = &'v [f64]>, own: &mut [f64]) {
+    let above: Vec<&[f64]> = above.collect();
+    let factor = row[above.len()];
+    own.iter_mut().for_each(|x| *x *= factor);
+    for (other, factor) in above.iter().zip(row).filter(|(_, f)| **f != 0.0) {
+        own.iter_mut().zip(*other).for_each(|(x, y)| *x += factor * y);
+    }
+}
+
+impl Filter {
+    /// Yule-Walker over all stretches, by the Levinson recursion; the order by BIC with a doubled penalty. Returns the filter and
+    /// the variances of noise and innovation.
+    fn estimate(parts: &[&[f64]], rows: usize, floor: f64) -> (Self, f64, f64) {
+        let longest = LONGEST.min(rows / (10 * parts.len().max(1))).min(rows / 20);
+        let lagged = |lag: usize| parts.iter().map(|s| s.iter().zip(s.iter().skip(lag)).map(|(a, b)| a * b).sum::<f64>()).sum::<f64>();
+        let covariance: Vec<f64> = (0..=longest).map(|lag| lagged(lag) / rows as f64).collect();
+        let white = Self { coefficients: vec![Vec::new()], gains: vec![1.0] };
+        if !(covariance[0] > floor * floor) {
+            return (white, covariance[0].max(0.0), covariance[0].max(0.0));
+        }
+        let (mut coefficients, mut variances) = (vec![Vec::new()], vec![covariance[0]]);
+        for p in 1..=longest {
+            let last: &Vec<f64> = &coefficients[p - 1];
+            let foreseen: f64 = last.iter().enumerate().map(|(i, a)| a * covariance[p - 1 - i]).sum();
+            let reflection = (covariance[p] - foreseen) / variances[p - 1];
+            let mut next: Vec<f64> = (0..p - 1).map(|i| last[i] - reflection * last[p - 2 - i]).collect();
+            next.push(reflection);
+            let variance = variances[p - 1] * (1.0 - reflection * reflection);
+            if !(variance > 1e-12 * covariance[0]) {
+                break;
+            }
+            coefficients.push(next);
+            variances.push(variance);
+        }
+        let n = rows as f64;
+        let criterion = |p: usize| n * variances[p].ln() + 2.0 * p as f64 * n.ln();
+        let order = (0..variances.len()).fold(0, |best, p| if criterion(p) < criterion(best) { p } else { best });
+        coefficients.truncate(order + 1);
+        let gains = variances[..=order].iter().map(|v| (variances[order] / v).sqrt()).collect();
+        (Self { coefficients, gains }, covariance[0], variances[order])
+    }
+
+    /// Turns noise into innovations in units of their standard deviation, in place.
+    fn apply(&self, series: &mut [f64], innovation: f64) {
+        let order = self.gains.len() - 1;
+        let unit = 1.0 / innovation;
+        let a = &self.coefficients[order];
+        for k in (order..series.len()).rev() {
+            let foreseen: f64 = a.iter().enumerate().map(|(i, a)| a * series[k - 1 - i]).sum();
+            series[k] = (series[k] - foreseen) * unit;
+        }
+        for k in (0..order.min(series.len())).rev() {
+            let foreseen: f64 = self.coefficients[k].iter().enumerate().map(|(i, a)| a * series[k - 1 - i]).sum();
+            series[k] = (series[k] - foreseen) * self.gains[k] * unit;
         }
     }
 }

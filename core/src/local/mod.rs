@@ -16,7 +16,7 @@ use crate::noise::Autoregression;
 use crate::simulation::{DIFFERENCE, Direction, Simulator};
 use delay::{delayed, pick};
 pub(crate) use scale::{linear_part, plausible, time_constants};
-pub(crate) use start::{about, quick_fit, regression_start, simulable};
+pub(crate) use start::{about, quick_fit, regression_start, rough_start, simulable};
 
 /// Columns whose norm is this small a share of the largest carry rounding only.
 const RANK: f64 = 1e-7;

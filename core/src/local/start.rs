@@ -54,11 +54,15 @@ pub(crate) fn quick_fit<'a>(
     data: &'a Dataset,
     axes: Vec<Option<usize>>,
 ) -> Result<(FreeRun<'a>, Point, Vec<f64>), SolveError> {
-    let z = regression_start(model, map, data)?;
-    let z = simulable(model, map, data, z);
+    let z = rough_start(model, map, data)?;
     let mut run = FreeRun::new(model, map, data, axes);
     let (point, sigma) = run.fit(run.point(z, Vec::new()))?;
     Ok((run, point, sigma))
+}
+
+/// Free parameters by regression with which the model can be simulated.
+pub(crate) fn rough_start(model: &dyn RegressorModel, map: &ParameterMap, data: &Dataset) -> Result<Vec<f64>, SolveError> {
+    Ok(simulable(model, map, data, regression_start(model, map, data)?))
 }
 
 /// Replaces coefficients of accelerations that the data left at zero or below, with which nothing can be simulated, by their

@@ -1,0 +1,206 @@
+//! The search for the most likely point: Levenberg-Marquardt on whitened free-run residuals, bounds kept.
+//!
+//! Noise levels are known up to one factor an output, so twice the log-likelihood is −Σ N ln(mean r²) over the outputs. Its
+//! quadratic model at a point is a sum of squares with output weights N / Σ r², which is renewed at every step. Columns of the
+//! Jacobian are simulated once and then kept up to date by Broyden's formula: a column costs a simulation, an update a sum. They
+//! are simulated again where a step disappoints.
+
+use nalgebra::{DMatrix, DVector};
+use wheelwright_core::least_squares::{Limits, constrained_step};
+
+use super::algebra::{Directions, add, dot, factor, gram};
+use super::setting::{Point, Runner, Setting};
+use super::whitening::Whitening;
+
+/// Least damping.
+const LEAST_DAMPING: f64 = 1e-12;
+
+/// How far to search.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Effort {
+    /// Most simulated trial points.
+    pub(crate) trials: usize,
+    /// Gain of twice the log-likelihood below which a promised step is not worth its simulation.
+    pub(crate) worthwhile: f64,
+}
+
+/// A point with everything that follows from it.
+#[derive(Debug, Clone)]
+pub(crate) struct Fit {
+    pub(crate) point: Point,
+    /// Free run, flat, from the starts of `point` before they were last moved.
+    pub(crate) simulated: Vec<f64>,
+    /// Whitened residual, initial outputs projected out.
+    pub(crate) residual: Vec<f64>,
+    /// Whitened responses to the unknowns, projected likewise.
+    pub(crate) columns: Vec<Vec<f64>>,
+    /// Sum of squares of each output.
+    pub(crate) squares: Vec<f64>,
+}
+
+impl Fit {
+    /// Twice the log-likelihood up to a constant.
+    pub(crate) fn likelihood(&self, setting: &Setting<'_>) -> f64 {
+        likelihood(&self.squares, setting.layout.rows())
+    }
+
+    /// Weight of each output's squares.
+    pub(crate) fn weights(&self, setting: &Setting<'_>) -> Vec<f64> {
+        weights(&self.squares, setting.layout.rows())
+    }
+
+    /// Products of all columns, with the outputs' weights.
+    pub(crate) fn information(&self, setting: &Setting<'_>) -> DMatrix<f64> {
+        let columns: Vec<&[f64]> = self.columns.iter().map(Vec::as_slice).collect();
+        gram(&columns, &parts(setting), &self.weights(setting))
+    }
+
+    /// Number of directions that the data tell.
+    pub(crate) fn rank(&self, setting: &Setting<'_>) -> usize {
+        Directions::of(&self.information(setting)).rank()
+    }
+}
+
+/// Slices of the outputs.
+pub(crate) fn parts(setting: &Setting<'_>) -> Vec<std::ops::Range<usize>> {
+    (0..setting.layout.outputs()).map(|c| setting.layout.output(c)).collect()
+}
+
+/// Twice the log-likelihood of sums of squares, up to a constant.
+pub(crate) fn likelihood(squares: &[f64], rows: usize) -> f64 {
+    -squares.iter().map(|s| rows as f64 * (s / rows as f64).max(f64::MIN_POSITIVE).ln()).sum::<f64>()
+}
+
+pub(crate) fn weights(squares: &[f64], rows: usize) -> Vec<f64> {
+    squares.iter().map(|s| rows as f64 / s.max(f64::MIN_POSITIVE)).collect()
+}
+
+/// Sum of squares of each output.
+pub(crate) fn squares(setting: &Setting<'_>, residual: &[f64]) -> Vec<f64> {
+    parts(setting).into_iter().map(|p| dot(&residual[p.clone()], &residual[p])).collect()
+}
+
+/// Simulates a point and settles its starts; `None` where it cannot be evaluated.
+pub(crate) fn evaluate(setting: &Setting<'_>, runner: &mut Runner<'_, '_>, whitening: &Whitening, point: &Point) -> Option<Fit> {
+    let mut simulated = vec![0.0; setting.layout.len()];
+    if !runner.run(&point.x, &point.starts, &mut simulated) {
+        return None;
+    }
+    let mut point = point.clone();
+    let mut residual: Vec<f64> = setting.measured.iter().zip(&simulated).map(|(y, s)| y - s).collect();
+    whitening.settle(&mut residual, &mut point.starts);
+    let squares = squares(setting, &residual);
+    squares.iter().all(|s| s.is_finite()).then_some(Fit { point, simulated, residual, columns: Vec::new(), squares })
+}
+
+/// Simulates the columns of the unknowns in a range anew.
+pub(crate) fn linearise(runner: &mut Runner<'_, '_>, whitening: &Whitening, fit: &mut Fit, unknowns: std::ops::Range<usize>) {
+    fit.columns.resize(fit.point.x.len(), Vec::new());
+    for j in unknowns {
+        let mut column = runner.column(&fit.point, j, &fit.simulated);
+        whitening.apply(&mut column);
+        fit.columns[j] = column;
+    }
+}
+
+/// The search from a fit whose columns may be those of somewhere near. Returns the best point; its columns are exact if `exact`.
+pub(crate) fn maximise(
+    setting: &Setting<'_>,
+    runner: &mut Runner<'_, '_>,
+    whitening: &Whitening,
+    mut fit: Fit,
+    effort: Effort,
+    exact: bool,
+) -> Fit {
+    let limits = setting.limits(&runner.parameters);
+    let unknowns = fit.point.x.len();
+    if unknowns == 0 {
+        return fit;
+    }
+    if fit.columns.len() < unknowns || fit.columns.iter().any(Vec::is_empty) {
+        linearise(runner, whitening, &mut fit, 0..unknowns);
+    }
+    let (mut damping, mut fresh) = (1e-3, true);
+    let mut trials = 0;
+    while trials < effort.trials {
+        let Some((step, promised)) = step(setting, &fit, &limits, damping) else { break };
+        if promised < effort.worthwhile {
+            // Little is promised: by old columns, or where damping holds it back, that is no proof.
+            if fresh || promised < 0.01 * effort.worthwhile {
+                break;
+            }
+            linearise(runner, whitening, &mut fit, 0..unknowns);
+            fresh = true;
+            continue;
+        }
+        trials += 1;
+        let mut trial = fit.point.clone();
+        trial.x.iter_mut().zip(step.iter()).for_each(|(x, s)| *x += s);
+        clamp(&mut trial, setting.free(), runner);
+        let reached = evaluate(setting, runner, whitening, &trial);
+        let gain = reached.as_ref().map_or(f64::NEG_INFINITY, |r| r.likelihood(setting) - fit.likelihood(setting));
+        match reached {
+            Some(mut next) if gain > 0.0 => {
+                next.columns = std::mem::take(&mut fit.columns);
+                broyden(&mut next, &fit.residual, &step);
+                let disappointing = gain < 0.5 * promised;
+                fit = next;
+                fresh = false;
+                damping = (damping * if disappointing { 1.0 } else { 0.1 }).max(LEAST_DAMPING);
+                if disappointing {
+                    linearise(runner, whitening, &mut fit, 0..unknowns);
+                    fresh = true;
+                }
+            }
+            _ if !fresh => {
+                linearise(runner, whitening, &mut fit, 0..unknowns);
+                fresh = true;
+            }
+            _ => damping = (damping * 8.0).max(1e-3),
+        }
+        if damping > 1e6 {
+            break;
+        }
+    }
+    if exact && !fresh {
+        linearise(runner, whitening, &mut fit, 0..unknowns);
+    }
+    fit
+}
+
+/// Keeps effects' parameters within their bounds to the last bit.
+fn clamp(point: &mut Point, free: usize, runner: &Runner<'_, '_>) {
+    for (x, p) in point.x[free..].iter_mut().zip(&runner.parameters) {
+        *x = x.max(p.bounds.0).min(p.bounds.1);
+    }
+}
+
+/// The damped step within limits, and what it promises of twice the log-likelihood.
+fn step(setting: &Setting<'_>, fit: &Fit, limits: &Limits, damping: f64) -> Option<(DVector<f64>, f64)> {
+    let weights = fit.weights(setting);
+    let negative: Vec<f64> = fit.residual.iter().map(|r| -r).collect();
+    let columns: Vec<&[f64]> = fit.columns.iter().map(Vec::as_slice).chain(std::iter::once(negative.as_slice())).collect();
+    let gram = gram(&columns, &parts(setting), &weights);
+    let n = fit.columns.len();
+    let factor = factor(&gram);
+    let scale = DVector::from_fn(n, |j, _| damping.sqrt() * gram[(j, j)].max(0.0).sqrt());
+    let z = DVector::from_column_slice(&fit.point.x);
+    let step = constrained_step(&factor, Some(&scale), &z, limits).ok()?;
+    let promised = factor.q.norm_squared() - (&factor.r * &step + &factor.q).norm_squared();
+    step.iter().all(|s| s.is_finite()).then_some((step, promised))
+}
+
+/// Broyden's rank-one update: the columns that explain the change of the residual along the step, nearest to the old ones.
+fn broyden(next: &mut Fit, before: &[f64], step: &DVector<f64>) {
+    let sizes: Vec<f64> = next.columns.iter().map(|c| dot(c, c)).collect();
+    let length: f64 = step.iter().zip(&sizes).map(|(s, d)| s * s * d).sum();
+    if !(length > 0.0) {
+        return;
+    }
+    // before − now − J s
+    let mut missed: Vec<f64> = before.iter().zip(&next.residual).map(|(b, r)| b - r).collect();
+    next.columns.iter().zip(step.iter()).for_each(|(c, s)| add(&mut missed, -s, c));
+    for ((column, s), d) in next.columns.iter_mut().zip(step.iter()).zip(&sizes) {
+        add(column, s * d / length, &missed);
+    }
+}

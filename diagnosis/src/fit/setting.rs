@@ -1,0 +1,200 @@
+//! What is fitted to what: model, data and scene, and the free run of a point in their common space of unknowns.
+
+use nalgebra::{DMatrix, DVector};
+use wheelwright_core::effect::{Effect, EffectParameter, EffectSimulator, Scene};
+use wheelwright_core::least_squares::Limits;
+use wheelwright_core::model::{ModelError, ParameterMap, RegressorModel};
+use wheelwright_core::simulation::Readout;
+use wheelwright_core::Dataset;
+
+use super::layout::Layout;
+
+/// Difference of a base parameter for its column, as a share of its plausible size.
+const DIFFERENCE: f64 = 1e-3;
+/// Difference of an effect's parameter for its column, as a share of its scale or its value: large enough to average over the
+/// small jumps of an adaptive step.
+const EFFECT_DIFFERENCE: f64 = 1e-2;
+
+/// Data, model and what all fits share.
+#[derive(Debug, Clone)]
+pub(crate) struct Setting<'a> {
+    pub(crate) model: &'a dyn RegressorModel,
+    /// Which parameters are free; none where they are held.
+    pub(crate) map: ParameterMap,
+    pub(crate) bounds: Vec<(f64, f64)>,
+    pub(crate) data: &'a Dataset,
+    pub(crate) scene: &'a Scene,
+    pub(crate) readout: Readout,
+    pub(crate) layout: Layout,
+    /// The measured outputs, flat.
+    pub(crate) measured: Vec<f64>,
+    /// Step of each free parameter for its column.
+    pub(crate) steps: Vec<f64>,
+    /// Numerical error of each output.
+    pub(crate) floor: Vec<f64>,
+    /// Fewest steps between samples.
+    pub(crate) substeps: usize,
+}
+
+/// Where in the space of unknowns a fit is.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Point {
+    /// Free parameters of the base, then the values of all effects.
+    pub(crate) x: Vec<f64>,
+    /// Initial outputs of each stretch.
+    pub(crate) starts: Vec<Vec<f64>>,
+}
+
+impl<'a> Setting<'a> {
+    pub(crate) fn free(&self) -> usize {
+        self.map.free.len()
+    }
+
+    /// Steps of the free parameters about a point, from the plausible sizes of θ.
+    pub(crate) fn measure(&mut self, z: &[f64]) {
+        let theta = self.map.theta(z);
+        let sizes = wheelwright_core::start::plausible(self.model, self.data, &theta);
+        let free = self.free();
+        self.steps = (0..free)
+            .map(|j| {
+                let along = (0..sizes.len()).filter(|i| self.map.matrix[i * free + j] != 0.0);
+                let size = along.map(|i| sizes[i] / self.map.matrix[i * free + j].abs()).fold(f64::INFINITY, f64::min);
+                DIFFERENCE * if size.is_finite() { size } else { 1.0 }
+            })
+            .collect();
+    }
+
+    /// A base point whose stretches start as measured.
+    pub(crate) fn point(&self, z: Vec<f64>) -> Point {
+        let starts = self.data.stretches.iter().map(|s| s.outputs.iter().map(|c| c[0]).collect()).collect();
+        Point { x: z, starts }
+    }
+
+    /// Bounds of base parameters and effects as inequalities of the unknowns.
+    pub(crate) fn limits(&self, effects: &[EffectParameter]) -> Limits {
+        let free = self.free();
+        let n = free + effects.len();
+        let mut rows: Vec<(Vec<f64>, f64)> = Vec::new();
+        for (i, (lower, upper)) in self.bounds.iter().enumerate() {
+            let along = &self.map.matrix[i * free..(i + 1) * free];
+            if along.iter().all(|a| *a == 0.0) {
+                continue;
+            }
+            let padded = |sign: f64| (0..n).map(|j| if j < free { sign * along[j] } else { 0.0 }).collect::<Vec<f64>>();
+            if lower.is_finite() {
+                rows.push((padded(1.0), lower - self.map.offset[i]));
+            }
+            if upper.is_finite() {
+                rows.push((padded(-1.0), self.map.offset[i] - upper));
+            }
+        }
+        for (k, parameter) in effects.iter().enumerate() {
+            let unit = |sign: f64| (0..n).map(|j| if j == free + k { sign } else { 0.0 }).collect::<Vec<f64>>();
+            if parameter.bounds.0.is_finite() {
+                rows.push((unit(1.0), parameter.bounds.0));
+            }
+            if parameter.bounds.1.is_finite() {
+                rows.push((unit(-1.0), -parameter.bounds.1));
+            }
+        }
+        let h = DVector::from_iterator(rows.len(), rows.iter().map(|r| r.1));
+        let g = DMatrix::from_fn(rows.len(), n, |i, j| rows[i].0[j]);
+        Limits { g, h }
+    }
+}
+
+/// Simulates a model with a fixed list of effects at any point.
+pub(crate) struct Runner<'s, 'a> {
+    setting: &'s Setting<'a>,
+    simulator: EffectSimulator<'s>,
+    /// Parameters of all effects in order.
+    pub(crate) parameters: Vec<EffectParameter>,
+    buffer: Vec<Vec<f64>>,
+    /// Free runs so far.
+    pub(crate) runs: usize,
+}
+
+impl<'s, 'a> Runner<'s, 'a> {
+    /// A runner whose step suits the point.
+    pub(crate) fn new(setting: &'s Setting<'a>, effects: &[&'s dyn Effect], at: &Point) -> Result<Self, ModelError> {
+        let free = setting.free();
+        let theta = setting.map.theta(&at.x[..free]);
+        let mut simulator = EffectSimulator::new(setting.model, &theta, effects, setting.scene)?.with_readout(setting.readout);
+        simulator.set(&theta, &at.x[free..])?;
+        if effects.is_empty() || setting.substeps == 0 {
+            simulator.choose_substeps(&setting.data.stretches)?;
+        } else {
+            let chosen = simulator.choose_substeps(&setting.data.stretches)?;
+            simulator.set_substeps(chosen.max(setting.substeps));
+        }
+        let parameters = effects.iter().flat_map(|e| e.parameters(setting.scene)).collect();
+        Ok(Self { setting, simulator, parameters, buffer: vec![Vec::new(); setting.layout.outputs()], runs: 0 })
+    }
+
+    pub(crate) fn substeps(&self) -> usize {
+        self.simulator.substeps()
+    }
+
+    /// The free run of all stretches, flat; false if it cannot be evaluated or leaves the range of numbers.
+    pub(crate) fn run(&mut self, x: &[f64], starts: &[Vec<f64>], out: &mut [f64]) -> bool {
+        self.runs += 1;
+        let setting = self.setting;
+        let free = setting.free();
+        if self.simulator.set(&setting.map.theta(&x[..free]), &x[free..]).is_err() {
+            return false;
+        }
+        for (s, stretch) in setting.data.stretches.iter().enumerate() {
+            if self.simulator.run(s, stretch, &starts[s], &mut self.buffer).is_err() {
+                return false;
+            }
+            for (c, series) in self.buffer.iter().enumerate() {
+                if series.iter().any(|x| !x.is_finite()) {
+                    return false;
+                }
+                out[setting.layout.part(c, s)].copy_from_slice(series);
+            }
+        }
+        true
+    }
+
+    /// Difference step of unknown `j` at a point, away from its upper bound.
+    fn step(&self, x: &[f64], j: usize) -> f64 {
+        let free = self.setting.free();
+        if j < free {
+            return self.setting.steps[j];
+        }
+        let parameter = &self.parameters[j - free];
+        let step = EFFECT_DIFFERENCE * parameter.scale.abs().max(x[j].abs());
+        if x[j] + step > parameter.bounds.1 { -step } else { step }
+    }
+
+    /// How the free run changes with one unknown; zero where it cannot be evaluated.
+    pub(crate) fn column(&mut self, point: &Point, j: usize, base: &[f64]) -> Vec<f64> {
+        let step = self.step(&point.x, j);
+        let mut column = vec![0.0; base.len()];
+        for step in [step, -step] {
+            let mut x = point.x.clone();
+            x[j] += step;
+            if self.run(&x, &point.starts, &mut column) {
+                column.iter_mut().zip(base).for_each(|(c, b)| *c = (*c - b) / step);
+                return column;
+            }
+        }
+        column.fill(0.0);
+        column
+    }
+
+    /// How the free run changes with the initial value of one output, at all stretches.
+    pub(crate) fn start_column(&mut self, point: &Point, output: usize, base: &[f64]) -> Vec<f64> {
+        let step = 1e-2 * self.setting.scene.scales.outputs[output];
+        let mut starts = point.starts.clone();
+        starts.iter_mut().for_each(|s| s[output] += step);
+        let mut column = vec![0.0; base.len()];
+        if self.run(&point.x, &starts, &mut column) {
+            column.iter_mut().zip(base).for_each(|(c, b)| *c = (*c - b) / step);
+        } else {
+            column.fill(0.0);
+        }
+        column
+    }
+}

@@ -1,0 +1,359 @@
+//! Screening: what each effect would change, linearised, and how much of the misfit that explains.
+//!
+//! Every effect is simulated at its starts beside the current model. The difference of the two runs is a secant response. Whitened and
+//! projected on the complement of what the current model's parameters can do, it is held against the residual: with a free
+//! amplitude where the response is proportional to it, as it is where a kink makes its shape depend on its size.
+
+use nalgebra::{DMatrix, DVector};
+use wheelwright_core::effect::{Effect, EffectParameter, Start};
+use wheelwright_core::least_squares::constrained_step;
+use wheelwright_core::model::ModelError;
+
+use crate::fit::algebra::{Directions, add, dot, factor, gram};
+use crate::fit::search::{Fit, likelihood, parts};
+use crate::fit::setting::{Point, Runner, Setting};
+use crate::fit::whitening::Whitening;
+
+/// A column that keeps less than this share of its length beside the model's own columns is theirs.
+const OWN: f64 = 1e-6;
+
+/// Raw secant responses of one effect at one start.
+#[derive(Debug, Clone)]
+pub(crate) struct Response {
+    /// Index in the library.
+    pub(crate) effect: usize,
+    pub(crate) start: Start,
+    pub(crate) parameters: Vec<EffectParameter>,
+    /// One a column of the start; zero where it could not be simulated.
+    pub(crate) columns: Vec<Vec<f64>>,
+}
+
+/// A start for refinement with its linearised gain.
+#[derive(Debug, Clone)]
+pub(crate) struct Candidate {
+    pub(crate) effect: usize,
+    /// Index among the responses.
+    pub(crate) response: usize,
+    /// Unknowns of the joint fit to start from: those of the model, then the effect's values.
+    pub(crate) x: Vec<f64>,
+    /// Gain of twice the log-likelihood.
+    pub(crate) gain: f64,
+    /// Columns that count.
+    pub(crate) freedom: usize,
+    /// Sum of squares of the columns, whitened and projected: the information on a change as large as the start.
+    pub(crate) information: f64,
+}
+
+/// The model that effects are added to.
+pub(crate) struct Current<'s, 'a> {
+    pub(crate) setting: &'s Setting<'a>,
+    pub(crate) effects: &'s [&'s dyn Effect],
+    pub(crate) fit: &'s Fit,
+}
+
+/// Responses of library effects at all their starts.
+pub(crate) fn responses(current: &Current<'_, '_>, library: &[(usize, &dyn Effect)]) -> Result<Vec<Response>, ModelError> {
+    let mut all = Vec::new();
+    for &(index, effect) in library {
+        let parameters = effect.parameters(current.setting.scene);
+        for start in effect.starts(current.setting.scene) {
+            if let Some(response) = respond(current, index, effect, &parameters, start)? {
+                all.push(response);
+            }
+        }
+    }
+    Ok(all)
+}
+
+fn respond(
+    current: &Current<'_, '_>,
+    index: usize,
+    effect: &dyn Effect,
+    parameters: &[EffectParameter],
+    start: Start,
+) -> Result<Option<Response>, ModelError> {
+    let Current { setting, effects, fit } = *current;
+    let joined: Vec<&dyn Effect> = effects.iter().copied().chain(std::iter::once(effect)).collect();
+    let mut columns = Vec::with_capacity(start.columns.len());
+    let at = |values: &[f64]| Point { x: fit.point.x.iter().chain(values).copied().collect(), starts: fit.point.starts.clone() };
+    let Ok(mut runner) = Runner::new(setting, &joined, &at(&start.values)) else { return Ok(None) };
+    for c in 0..start.columns.len() {
+        let values = values_of(parameters, &start, &|other| if other == c { 1.0 } else { 0.0 });
+        let mut column = vec![0.0; setting.layout.len()];
+        let x: Vec<f64> = fit.point.x.iter().chain(&values).copied().collect();
+        if runner.run(&x, &fit.point.starts, &mut column) {
+            column.iter_mut().zip(&fit.simulated).for_each(|(c, s)| *c -= s);
+        } else {
+            column.fill(0.0);
+        }
+        columns.push(column);
+    }
+    Ok(Some(Response { effect: index, start, parameters: parameters.to_vec(), columns }))
+}
+
+/// The start's values with each column's distance from neutral multiplied by its amplitude, kept within bounds.
+fn values_of(parameters: &[EffectParameter], start: &Start, amplitude: &dyn Fn(usize) -> f64) -> Vec<f64> {
+    let mut values = start.values.clone();
+    for (c, members) in start.columns.iter().enumerate() {
+        for &j in members {
+            let p = &parameters[j];
+            if let Some(neutral) = p.neutral {
+                let value = neutral + amplitude(c) * (start.values[j] - neutral);
+                values[j] = value.max(p.bounds.0).min(p.bounds.1);
+            }
+        }
+    }
+    values
+}
+
+/// Residual and orthonormal columns of the current model, outputs weighted: what responses are projected with.
+pub(crate) struct Projection<'s, 'a> {
+    setting: &'s Setting<'a>,
+    whitening: &'s Whitening,
+    fit: &'s Fit,
+    roots: Vec<f64>,
+    basis: Vec<Vec<f64>>,
+    residual: Vec<f64>,
+}
+
+impl<'s, 'a> Projection<'s, 'a> {
+    pub(crate) fn new(setting: &'s Setting<'a>, whitening: &'s Whitening, fit: &'s Fit) -> Self {
+        let roots: Vec<f64> = fit.weights(setting).iter().map(|w| w.sqrt()).collect();
+        let mut made = Self { setting, whitening, fit, roots, basis: Vec::new(), residual: fit.residual.clone() };
+        for column in &fit.columns {
+            let mut column = column.clone();
+            made.weigh(&mut column);
+            let size = dot(&column, &column).sqrt();
+            made.project(&mut column);
+            made.project(&mut column);
+            let rest = dot(&column, &column).sqrt();
+            if rest > 1e-4 * size {
+                column.iter_mut().for_each(|x| *x /= rest);
+                made.basis.push(column);
+            }
+        }
+        let mut residual = fit.residual.clone();
+        made.weigh(&mut residual);
+        made.project(&mut residual);
+        made.residual = residual;
+        made
+    }
+
+    fn weigh(&self, values: &mut [f64]) {
+        for (c, root) in self.roots.iter().enumerate() {
+            values[self.setting.layout.output(c)].iter_mut().for_each(|x| *x *= root);
+        }
+    }
+
+    fn project(&self, values: &mut [f64]) {
+        for q in &self.basis {
+            let along = dot(q, values);
+            add(values, -along, q);
+        }
+    }
+
+    /// A raw response, whitened, weighted and projected; nothing if the model can do the same.
+    fn own(&self, raw: &[f64]) -> Option<Vec<f64>> {
+        if raw.iter().all(|x| *x == 0.0) {
+            return None;
+        }
+        let mut column = raw.to_vec();
+        self.whitening.apply(&mut column);
+        self.weigh(&mut column);
+        let size = dot(&column, &column);
+        self.project(&mut column);
+        let rest = dot(&column, &column);
+        (rest.is_finite() && rest > OWN * OWN * size && rest > 0.0).then_some(column)
+    }
+
+    /// Twice the log-likelihood of what is left, against that of the model.
+    fn gain(&self, left: &[f64]) -> f64 {
+        let rows = self.setting.layout.rows();
+        let squares = |values: &[f64]| -> Vec<f64> {
+            parts(self.setting).into_iter().zip(&self.roots).map(|(p, root)| dot(&values[p.clone()], &values[p]) / (root * root)).collect()
+        };
+        likelihood(&squares(left), rows) - likelihood(&squares(&self.residual), rows)
+    }
+
+    /// The best candidate that a response makes.
+    pub(crate) fn candidate(&self, index: usize, response: &Response) -> Candidate {
+        let columns: Vec<Option<Vec<f64>>> = response.columns.iter().map(|c| self.own(c)).collect();
+        let information = columns.iter().flatten().map(|c| dot(c, c)).sum();
+        let shown: Vec<usize> = (0..columns.len()).filter(|c| columns[*c].is_some()).collect();
+        let (amplitude, gain) = self.amplitudes(response, &columns, shown.clone());
+        let mut best = (amplitude, gain);
+        if !response.start.linear {
+            let mut fixed = self.whole(&columns, &shown);
+            // A grid point counts as it is; a free amplitude between nothing and twice its size says that a neighbour fits.
+            if best.1 > fixed.1 && best.0.iter().all(|a| (0.0..=2.0).contains(a)) {
+                fixed.1 = best.1;
+            }
+            best = fixed;
+        }
+        let (amplitude, gain) = best;
+        let freedom = amplitude.iter().filter(|a| **a != 0.0).count().max(1);
+        let values = values_of(&response.parameters, &response.start, &|c| amplitude[c]);
+        let x = self.start(response, &amplitude, &values);
+        Candidate { effect: response.effect, response: index, x, gain, freedom, information }
+    }
+
+    /// Amplitudes by least squares, columns left out whose amplitude would lie beyond a bound.
+    fn amplitudes(&self, response: &Response, columns: &[Option<Vec<f64>>], mut shown: Vec<usize>) -> (Vec<f64>, f64) {
+        let mut amplitude = vec![0.0; columns.len()];
+        while !shown.is_empty() {
+            let of: Vec<&[f64]> = shown.iter().filter_map(|c| columns[*c].as_deref()).collect();
+            let whole = std::iter::once(0..self.residual.len()).collect::<Vec<_>>();
+            let inverse = Directions::of(&gram(&of, &whole, &[1.0])).inverse();
+            let right = DVector::from_iterator(of.len(), of.iter().map(|c| dot(c, &self.residual)));
+            let found = inverse * right;
+            let against = (0..shown.len()).filter(|i| found[*i] < 0.0 && one_sided(response, shown[*i]));
+            match against.min_by(|a, b| found[*a].total_cmp(&found[*b])) {
+                Some(worst) => {
+                    shown.remove(worst);
+                }
+                None => {
+                    let mut left = self.residual.clone();
+                    of.iter().zip(found.iter()).for_each(|(c, a)| add(&mut left, -a, c));
+                    shown.iter().zip(found.iter()).for_each(|(c, a)| amplitude[*c] = *a);
+                    return (amplitude, self.gain(&left));
+                }
+            }
+        }
+        (amplitude, 0.0)
+    }
+
+    /// Each column as it is or not at all, whichever leaves less.
+    fn whole(&self, columns: &[Option<Vec<f64>>], shown: &[usize]) -> (Vec<f64>, f64) {
+        let mut amplitude = vec![0.0; columns.len()];
+        let (mut left, mut best) = (self.residual.clone(), f64::NEG_INFINITY);
+        let mut open: Vec<usize> = shown.to_vec();
+        while !open.is_empty() {
+            let with = |c: usize| {
+                let mut trial = left.clone();
+                if let Some(column) = &columns[c] {
+                    add(&mut trial, -1.0, column);
+                }
+                (self.gain(&trial), trial)
+            };
+            let tried: Vec<(usize, (f64, Vec<f64>))> = open.iter().map(|c| (*c, with(*c))).collect();
+            let Some((c, (gain, trial))) = tried.into_iter().max_by(|a, b| a.1.0.total_cmp(&b.1.0)) else { break };
+            if gain <= best {
+                break;
+            }
+            (best, left) = (gain, trial);
+            amplitude[c] = 1.0;
+            open.retain(|o| *o != c);
+        }
+        (amplitude, if best.is_finite() { best } else { 0.0 })
+    }
+
+    /// Where the joint fit starts: the model's unknowns moved to make room for the effect.
+    fn start(&self, response: &Response, amplitude: &[f64], values: &[f64]) -> Vec<f64> {
+        let x = &self.fit.point.x;
+        let mut left = self.fit.residual.clone();
+        for (raw, a) in response.columns.iter().zip(amplitude).filter(|(_, a)| **a != 0.0) {
+            let mut column = raw.clone();
+            self.whitening.apply(&mut column);
+            add(&mut left, -a, &column);
+        }
+        left.iter_mut().for_each(|x| *x = -*x);
+        let columns: Vec<&[f64]> = self.fit.columns.iter().map(Vec::as_slice).chain(std::iter::once(left.as_slice())).collect();
+        let mut moved = x.clone();
+        // The limits of the effects already there are left to the search.
+        let limits = self.setting.limits(&[]);
+        let free = self.setting.free();
+        if limits.g.ncols() == x.len() && !x.is_empty() {
+            let factor = factor(&gram(&columns, &parts(self.setting), &self.fit.weights(self.setting)));
+            let n = x.len();
+            let held = DVector::from_fn(n, |j, _| 1e-3 * factor.r.column(j).norm());
+            if let Ok(step) = constrained_step(&factor, Some(&held), &DVector::from_column_slice(x), &limits) {
+                moved.iter_mut().zip(step.iter()).take(free).for_each(|(x, s)| *x += s);
+            }
+        }
+        moved.extend_from_slice(values);
+        moved
+    }
+}
+
+/// Whether a column's parameters cannot go to the other side of neutral.
+fn one_sided(response: &Response, column: usize) -> bool {
+    response.start.columns[column].iter().any(|&j| {
+        let p = &response.parameters[j];
+        p.neutral.is_none_or(|neutral| {
+            let side = response.start.values[j] - neutral;
+            let room = if side > 0.0 { neutral - p.bounds.0 } else { p.bounds.1 - neutral };
+            room <= 0.0
+        })
+    })
+}
+
+/// What is left of the residual when everything that any response or parameter can do is taken out of it: the saturated residual, flat,
+/// in the whitening's units, and the degrees of freedom taken.
+pub(crate) fn saturate(setting: &Setting<'_>, whitening: &Whitening, fit: &Fit, responses: &[Response]) -> (Vec<f64>, usize) {
+    let weights = fit.weights(setting);
+    let rows = setting.layout.len();
+    let mut all: Vec<Vec<f64>> = fit.columns.clone();
+    for raw in responses.iter().flat_map(|r| &r.columns) {
+        let mut column = raw.clone();
+        whitening.apply(&mut column);
+        all.push(column);
+    }
+    for column in &mut all {
+        for (c, w) in weights.iter().enumerate() {
+            column[setting.layout.output(c)].iter_mut().for_each(|x| *x *= w.sqrt());
+        }
+    }
+    all.retain(|c| c.iter().all(|x| x.is_finite()) && dot(c, c) > 0.0);
+    for column in &mut all {
+        let size = dot(column, column).sqrt();
+        column.iter_mut().for_each(|x| *x /= size);
+    }
+    let mut residual = fit.residual.clone();
+    for (c, w) in weights.iter().enumerate() {
+        residual[setting.layout.output(c)].iter_mut().for_each(|x| *x *= w.sqrt());
+    }
+    let most = (setting.layout.rows() / 15).max(1);
+    let taken = if all.is_empty() { 0 } else { take(&mut residual, &all, rows, most) };
+    for (c, w) in weights.iter().enumerate() {
+        residual[setting.layout.output(c)].iter_mut().for_each(|x| *x /= w.sqrt());
+    }
+    (residual, taken)
+}
+
+/// Takes the span of unit columns out of a residual, by a Cholesky factor with pivots; at most `most` directions.
+fn take(residual: &mut [f64], columns: &[Vec<f64>], rows: usize, most: usize) -> usize {
+    let k = columns.len();
+    let matrix = DMatrix::from_fn(rows, k, |i, j| columns[j][i]);
+    let mut left = matrix.transpose() * &matrix;
+    let mut right: DVector<f64> = DVector::from_fn(k, |j, _| dot(&columns[j], residual));
+    let mut order: Vec<usize> = Vec::new();
+    // Rows of the factor as they are made: L with the pivots' order.
+    let mut factor: Vec<DVector<f64>> = Vec::new();
+    let mut reduced: Vec<f64> = Vec::new();
+    while order.len() < most.min(k) {
+        let open = (0..k).filter(|j| !order.contains(j));
+        let Some(pivot) = open.max_by(|a, b| left[(*a, *a)].total_cmp(&left[(*b, *b)])) else { break };
+        if left[(pivot, pivot)] < 1e-4 {
+            break;
+        }
+        let root = left[(pivot, pivot)].sqrt();
+        let column: DVector<f64> = left.column(pivot) / root;
+        let share = right[pivot] / root;
+        right.axpy(-share, &column, 1.0);
+        left.ger(-1.0, &column, &column, 1.0);
+        order.push(pivot);
+        factor.push(column);
+        reduced.push(share);
+    }
+    // Coefficients of the pivot columns by back substitution.
+    let n = order.len();
+    let mut coefficients = vec![0.0; n];
+    for i in (0..n).rev() {
+        let known: f64 = (i + 1..n).map(|j| factor[i][order[j]] * coefficients[j]).sum();
+        coefficients[i] = (reduced[i] - known) / factor[i][order[i]];
+    }
+    for (j, a) in order.iter().zip(&coefficients) {
+        add(residual, -a, &columns[*j]);
+    }
+    n
+}
