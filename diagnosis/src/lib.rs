@@ -4,27 +4,27 @@
 //! what it gains beyond what chance would, on the data at hand and on data kept away from it.
 
 pub mod adequacy;
+mod answer;
 pub mod comparison;
+mod decide;
+mod diagnose;
 pub mod effects;
 pub mod experiment;
 pub mod finding;
 pub mod fit;
 #[cfg(test)]
 mod fixture;
+mod holdout;
 pub mod locate;
 pub mod noise;
 mod question;
 pub mod residuals;
+mod screen;
+mod select;
+mod untestable;
 
+pub use diagnose::diagnose;
 pub use finding::{Diagnosis, Verdict};
 pub use fit::Fitted;
 pub use question::{DiagnosisError, Question};
 pub use residuals::{Flag, Residuals, Series};
-
-/// Diagnoses.
-///
-/// # Errors
-/// [`DiagnosisError`]: what makes an answer impossible, with numbers.
-pub fn diagnose(question: &Question<'_>) -> Result<Diagnosis, DiagnosisError> {
-    Err(DiagnosisError::NoStart(format!("`{}`: the search is still being built", question.model.name())))
-}

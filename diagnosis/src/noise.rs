@@ -122,6 +122,11 @@ impl Noise {
         self.filters.iter().map(|f| f.gains.len() - 1).collect()
     }
 
+    /// Whitens values of one output over one stretch by their own past alone, in place; no row is weighted.
+    pub fn whiten_output(&self, output: usize, series: &mut [f64]) {
+        self.filters[output].apply(series, self.innovation[output]);
+    }
+
     /// Whitens the values of one stretch (by output, then row) in place.
     pub fn whiten(&self, stretch: usize, values: &mut [Vec<f64>]) {
         for (c, series) in values.iter_mut().enumerate() {

@@ -6,7 +6,7 @@
 
 use nalgebra::{DMatrix, DVector};
 use wheelwright_core::effect::{Effect, EffectParameter, Start};
-use wheelwright_core::least_squares::constrained_step;
+use wheelwright_core::least_squares::{Limits, constrained_step};
 use wheelwright_core::model::ModelError;
 
 use crate::fit::algebra::{Directions, add, dot, factor, gram};
@@ -111,15 +111,18 @@ pub(crate) struct Projection<'s, 'a> {
     setting: &'s Setting<'a>,
     whitening: &'s Whitening,
     fit: &'s Fit,
+    limits: Limits,
     roots: Vec<f64>,
     basis: Vec<Vec<f64>>,
     residual: Vec<f64>,
 }
 
 impl<'s, 'a> Projection<'s, 'a> {
-    pub(crate) fn new(setting: &'s Setting<'a>, whitening: &'s Whitening, fit: &'s Fit) -> Self {
+    /// `parameters` are those of the effects that the model has already.
+    pub(crate) fn new(setting: &'s Setting<'a>, whitening: &'s Whitening, fit: &'s Fit, parameters: &[EffectParameter]) -> Self {
         let roots: Vec<f64> = fit.weights(setting).iter().map(|w| w.sqrt()).collect();
-        let mut made = Self { setting, whitening, fit, roots, basis: Vec::new(), residual: fit.residual.clone() };
+        let mut made =
+            Self { setting, whitening, fit, limits: setting.limits(parameters), roots, basis: Vec::new(), residual: fit.residual.clone() };
         for column in &fit.columns {
             let mut column = column.clone();
             made.weigh(&mut column);
@@ -259,15 +262,11 @@ impl<'s, 'a> Projection<'s, 'a> {
         left.iter_mut().for_each(|x| *x = -*x);
         let columns: Vec<&[f64]> = self.fit.columns.iter().map(Vec::as_slice).chain(std::iter::once(left.as_slice())).collect();
         let mut moved = x.clone();
-        // The limits of the effects already there are left to the search.
-        let limits = self.setting.limits(&[]);
-        let free = self.setting.free();
-        if limits.g.ncols() == x.len() && !x.is_empty() {
+        if !x.is_empty() {
             let factor = factor(&gram(&columns, &parts(self.setting), &self.fit.weights(self.setting)));
-            let n = x.len();
-            let held = DVector::from_fn(n, |j, _| 1e-3 * factor.r.column(j).norm());
-            if let Ok(step) = constrained_step(&factor, Some(&held), &DVector::from_column_slice(x), &limits) {
-                moved.iter_mut().zip(step.iter()).take(free).for_each(|(x, s)| *x += s);
+            let held = DVector::from_fn(x.len(), |j, _| 1e-3 * factor.r.column(j).norm());
+            if let Ok(step) = constrained_step(&factor, Some(&held), &DVector::from_column_slice(x), &self.limits) {
+                moved.iter_mut().zip(step.iter()).for_each(|(x, s)| *x += s);
             }
         }
         moved.extend_from_slice(values);

@@ -29,13 +29,7 @@ pub fn review(
     let rates: Vec<f64> = (0..outputs).map(|i| -linear[i * outputs + i]).collect();
     let noise = &residuals.noise;
     // Each output by its own past: the tests take one output after the other.
-    let whiten = |output: usize, series: &mut [f64]| {
-        let a = &noise.coefficients[output];
-        for k in (0..series.len()).rev() {
-            let foreseen: f64 = a.iter().zip(series[..k].iter().rev()).map(|(a, e)| a * e).sum();
-            series[k] = (series[k] - foreseen) / noise.innovation[output];
-        }
-    };
+    let whiten = |output: usize, series: &mut [f64]| noise.whiten_output(output, series);
     let whitened = |series: Series| -> Vec<Channels> {
         series
             .into_iter()

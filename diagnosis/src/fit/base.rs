@@ -1,7 +1,5 @@
 //! The fit of the base model alone: from a rough start, or about parameters that are held.
 
-use wheelwright_core::simulation::Readout;
-
 use super::search::{Effort, Fit, evaluate, linearise, maximise};
 use super::setting::{Runner, Setting};
 use super::whitening::Whitening;
@@ -109,6 +107,3 @@ fn within(setting: &Setting<'_>, z: Vec<f64>) -> Vec<f64> {
         Err(_) => z,
     }
 }
-
-/// Both ways in which velocities may have been read.
-pub(crate) const READOUTS: [Readout; 2] = [Readout::Instantaneous, Readout::IntervalMean];

@@ -1,5 +1,12 @@
 //! Joint free-run fits: base parameters, effects' parameters and the initial outputs of every stretch at once.
 
+pub(crate) mod algebra;
+pub(crate) mod base;
+pub(crate) mod layout;
+pub(crate) mod search;
+pub(crate) mod setting;
+pub(crate) mod whitening;
+
 use nalgebra::DMatrix;
 use wheelwright_core::Effect;
 

@@ -1,11 +1,11 @@
 //! What is fitted to what: model, data and scene, and the free run of a point in their common space of unknowns.
 
 use nalgebra::{DMatrix, DVector};
+use wheelwright_core::Dataset;
 use wheelwright_core::effect::{Effect, EffectParameter, EffectSimulator, Scene};
 use wheelwright_core::least_squares::Limits;
 use wheelwright_core::model::{ModelError, ParameterMap, RegressorModel};
 use wheelwright_core::simulation::Readout;
-use wheelwright_core::Dataset;
 
 use super::layout::Layout;
 

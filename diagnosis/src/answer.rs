@@ -1,0 +1,313 @@
+//! From a finished search to what is said: findings, proof, verdict.
+
+use wheelwright_core::Dataset;
+use wheelwright_core::effect::{Effect, Estimate, Scene};
+
+use crate::adequacy;
+use crate::decide::{Weighed, decide};
+use crate::finding::{Alternative, BaseParameter, Diagnosis, Finding, Fits, FoundParameter, Replay, Rung};
+use crate::fit::algebra::Directions;
+use crate::fit::search::Fit;
+use crate::fit::setting::Runner;
+use crate::holdout::{Explanation, Ground, Proof, Transfer, shifted, transfer};
+use crate::question::{DiagnosisError, Question};
+use crate::residuals::{Residuals, Series};
+use crate::screen::Response;
+use crate::select::{Search, Selected, State};
+use crate::untestable;
+
+/// Two-sided 95 % point of the normal distribution.
+const TWO_SIDED_95: f64 = 1.959_964;
+/// Share of a parameter that must lie in directions the data tell, for an interval to mean anything.
+const TOLD: f64 = 0.9;
+/// Rivals this near in penalised evidence cannot be told from what was found.
+pub(crate) const AMBIGUOUS: f64 = 6.0;
+/// Rivals up to here are mentioned.
+const MENTIONED: f64 = 10.0;
+
+/// A finished search.
+pub(crate) struct Story<'a> {
+    pub(crate) search: Search<'a>,
+    pub(crate) selected: Selected,
+    /// Responses about the rough base fit.
+    pub(crate) responses: Vec<Response>,
+    /// Twice the log-likelihood of the rough base fit under white noise.
+    pub(crate) first: f64,
+}
+
+/// Writes the answer.
+pub(crate) fn tell(question: &Question<'_>, story: Story<'_>, warnings: Vec<String>) -> Result<Diagnosis, DiagnosisError> {
+    let Story { search, selected, responses, .. } = &story;
+    let setting = &search.setting;
+    let noise = &selected.whitening.noise;
+    let proof = Proven::new(question, search, selected);
+    let findings = findings(search, selected, &proof)?;
+    let (flags, location) = review(question, search, selected)?;
+    let base_state = State { effects: Vec::new(), fit: selected.base.clone() };
+    let screened = search.screen(&base_state, &selected.whitening, responses);
+    let untestable = untestable::list(search, &screened, responses, &selected.state);
+    let ranking = selected.ranking.iter().map(|(i, score)| (search.effect(*i).name().to_owned(), *score)).collect();
+    let weighed = decide(Weighed { findings, flags, transfer: proof.transfer, warnings, effects: search.library, scene: setting.scene });
+    Ok(Diagnosis {
+        verdict: weighed.verdict,
+        headline: weighed.headline,
+        effects: weighed.effects,
+        partial: weighed.partial,
+        location,
+        fit: proof.fits,
+        waterfall: proof.waterfall,
+        next_experiment: None,
+        untestable,
+        base: base_parameters(search, selected),
+        scene: setting.scene.clone(),
+        noise: noise.deviation.clone(),
+        training: proof.training,
+        held_out: proof.held_out,
+        ranking,
+        warnings: weighed.warnings,
+    })
+}
+
+/// θ and effects' values of a state.
+fn explanation<'a>(search: &Search<'a>, state: &State) -> Explanation<'a> {
+    let free = search.setting.free();
+    let x = &state.fit.point.x;
+    Explanation { effects: search.effects(&state.effects), theta: search.setting.map.theta(&x[..free]), values: x[free..].to_vec() }
+}
+
+/// What free runs over training and held-out data show.
+struct Proven {
+    fits: Fits,
+    waterfall: Vec<Rung>,
+    transfer: Transfer,
+    /// Held-out fit gained by each effect when it is added last.
+    gains: Vec<Option<f64>>,
+    training: Replay,
+    held_out: Option<Replay>,
+}
+
+impl Proven {
+    fn new(question: &Question<'_>, search: &Search<'_>, selected: &Selected) -> Self {
+        let setting = &search.setting;
+        let base = State { effects: Vec::new(), fit: selected.base.clone() };
+        let on = |data: &Dataset, scene: &Scene, state: &State| {
+            Ground { model: setting.model, data, scene, readout: setting.readout }.prove(&explanation(search, state))
+        };
+        let whole = setting.scene.like(question.training, question.training_headings.as_deref());
+        let replay = |data: &Dataset, before: &Proof, after: &Proof| Replay {
+            measured: data.clone(),
+            before: before.simulated.clone(),
+            after: after.simulated.clone(),
+        };
+        let trained = [&base, &selected.state].map(|state| on(question.training, &whole, state));
+        let training = replay(question.training, &trained[0], &trained[1]);
+        let mut made = Self {
+            fits: Fits::default(),
+            waterfall: Vec::new(),
+            transfer: Transfer::Holds,
+            gains: vec![None; selected.state.effects.len()],
+            training,
+            held_out: None,
+        };
+        let Some(held) = question.held_out.filter(|h| !h.stretches.is_empty()) else { return made };
+        let headings = question.held_out_headings.as_deref();
+        let clock = clock(question.training, held, &setting.scene.like(held, headings), |moved, scene| {
+            on(moved, scene, &selected.state).error.iter().zip(&selected.whitening.noise.deviation).map(|(e, n)| e / (n * n)).sum()
+        });
+        let moved = shifted(held, clock);
+        let scene = setting.scene.like(&moved, headings);
+        let (before, after) = (on(&moved, &scene, &base), on(&moved, &scene, &selected.state));
+        let ground = Ground { model: setting.model, data: &moved, scene: &scene, readout: setting.readout };
+        let noise = &selected.whitening.noise.deviation;
+        // What was reached is possible.
+        let ceiling = (0..noise.len()).map(|c| ground.ceiling(c, noise[c]).max(after.fit[c])).collect();
+        made.transfer = transfer(&before.error, &after.error, noise);
+        made.waterfall = waterfall(search, selected, &before, &after, &|state| on(&moved, &scene, state).fit);
+        for i in 0..made.gains.len() {
+            made.gains[i] = search.without(selected, i).map(|state| {
+                let without = on(&moved, &scene, &state).fit;
+                let gains: Vec<f64> = after.fit.iter().zip(&without).map(|(a, b)| a - b).filter(|g| g.is_finite()).collect();
+                gains.iter().sum::<f64>() / gains.len().max(1) as f64
+            });
+        }
+        made.held_out = Some(replay(held, &before, &after));
+        let narx = question.yardstick.then(|| yardstick(question, held, &explanation(search, &base).theta)).flatten();
+        made.fits = Fits { before: before.fit, after: after.fit, noise_ceiling: Some(ceiling), narx };
+        made
+    }
+}
+
+/// The time by which a held-out recording's clock is moved. One that goes on where the training data end has its clock. Of another
+/// recording nobody knows whether what changed in time had happened before it, happens in it alike, or was yet to come: the likeliest
+/// of the three counts, for all effects together.
+fn clock(training: &Dataset, held: &Dataset, scene: &Scene, error: impl Fn(&Dataset, &Scene) -> f64) -> f64 {
+    let span = |d: &Dataset| {
+        let first = d.stretches.iter().map(|s| s.time[0]).fold(f64::INFINITY, f64::min);
+        let last = d.stretches.iter().map(|s| s.time[s.len() - 1]).fold(f64::NEG_INFINITY, f64::max);
+        (first, last)
+    };
+    let ((first, last), (start, end)) = (span(training), span(held));
+    if start >= last || end <= first {
+        return 0.0;
+    }
+    let options = [0.0, last - start, first - end];
+    let errors = options.map(|by| error(&shifted(held, by), scene));
+    options[(0..3).fold(0, |best, i| if errors[i] < errors[best] { i } else { best })]
+}
+
+/// Held-out fit effect by effect.
+fn waterfall(search: &Search<'_>, selected: &Selected, before: &Proof, after: &Proof, fit: &dyn Fn(&State) -> Vec<f64>) -> Vec<Rung> {
+    let names: Vec<String> = selected.state.effects.iter().map(|i| search.effect(*i).name().to_owned()).collect();
+    let mut rungs = vec![Rung { effects: Vec::new(), fit: before.fit.clone() }];
+    for n in 1..names.len() {
+        if let Some(state) = search.keeping(selected, &|i| i < n) {
+            rungs.push(Rung { effects: names[..n].to_vec(), fit: fit(&state) });
+        }
+    }
+    if !names.is_empty() {
+        rungs.push(Rung { effects: names, fit: after.fit.clone() });
+    }
+    rungs
+}
+
+fn yardstick(question: &Question<'_>, held: &Dataset, theta: &[f64]) -> Option<Vec<f64>> {
+    let all = wheelwright_core::ceiling::estimate(question.model, theta, question.training, held).ok()?;
+    Some(all.iter().map(|c| c.narx.unwrap_or(f64::NAN)).collect())
+}
+
+/// Estimates of all unknowns with their intervals.
+fn intervals(fit: &Fit, search: &Search<'_>) -> Vec<Option<f64>> {
+    let directions = Directions::of(&fit.information(&search.setting));
+    let (covariance, told) = (directions.inverse(), directions.visibility());
+    (0..told.len())
+        .map(|j| (told[j] > TOLD && covariance[(j, j)].is_finite()).then(|| TWO_SIDED_95 * covariance[(j, j)].max(0.0).sqrt()))
+        .collect()
+}
+
+fn findings(search: &Search<'_>, selected: &Selected, proof: &Proven) -> Result<Vec<Finding>, DiagnosisError> {
+    let setting = &search.setting;
+    let state = &selected.state;
+    let halves = intervals(&state.fit, search);
+    let mut at = setting.free();
+    let mut all = Vec::with_capacity(state.effects.len());
+    for (member, index) in state.effects.iter().enumerate() {
+        let effect = search.effect(*index);
+        let parameters = effect.parameters(setting.scene);
+        let range = at..at + parameters.len();
+        at = range.end;
+        let values = state.fit.point.x[range.clone()].to_vec();
+        let estimate = |(i, p): (usize, &wheelwright_core::effect::EffectParameter)| {
+            let value = values[i];
+            let inside = |half: f64| {
+                (half < p.scale.abs().max(value.abs()) * 100.0).then(|| ((value - half).max(p.bounds.0), (value + half).min(p.bounds.1)))
+            };
+            Estimate { value, ci95: halves[range.start + i].and_then(inside) }
+        };
+        let estimates: Vec<Estimate> = parameters.iter().enumerate().map(estimate).collect();
+        let rest = search.without(selected, member);
+        let rivals = rest.as_ref().map_or_else(|| Ok(Vec::new()), |rest| search.rivals(selected, member, rest))?;
+        let delta_bic = rest.as_ref().map_or(0.0, |rest| search.worth(selected, rest));
+        all.push(Finding {
+            name: effect.name().to_owned(),
+            place: effect.stage().place(),
+            statement: effect.statement(&estimates, setting.scene),
+            parameters: parameters
+                .into_iter()
+                .zip(&estimates)
+                .map(|(p, e)| FoundParameter { name: p.name, value: e.value, ci95: e.ci95, unit: p.unit, label: p.label })
+                .collect(),
+            values,
+            settings: serde_json::to_value(effect).unwrap_or_default(),
+            delta_bic,
+            holdout_gain: proof.gains[member],
+            alternatives: alternatives(search, effect, &rivals),
+        });
+    }
+    Ok(all)
+}
+
+/// Rivals near enough to be mentioned, each name once.
+fn alternatives(search: &Search<'_>, found: &dyn Effect, rivals: &[(usize, f64)]) -> Vec<Alternative> {
+    let mut all: Vec<Alternative> = Vec::new();
+    for (index, gap) in rivals.iter().filter(|(_, gap)| *gap < MENTIONED) {
+        let effect = search.effect(*index);
+        if effect.name() == found.name() || all.iter().any(|a| a.name == effect.name()) {
+            continue;
+        }
+        let declared = found.confusions().iter().find(|c| c.with == effect.name());
+        let mirrored = effect.confusions().iter().find(|c| c.with == found.name());
+        let why = declared.or(mirrored).map_or_else(|| "it explains this recording nearly as well".to_owned(), |c| c.because.to_owned());
+        all.push(Alternative {
+            name: effect.name().to_owned(),
+            gap: *gap,
+            because: format!("{why}; what tells them apart is {}", effect.excitation()),
+        });
+    }
+    all
+}
+
+fn base_parameters(search: &Search<'_>, selected: &Selected) -> Vec<BaseParameter> {
+    let setting = &search.setting;
+    let free = setting.free();
+    let theta = |fit: &Fit| setting.map.theta(&fit.point.x[..free]);
+    let (before, after) = (theta(&selected.base), theta(&selected.state.fit));
+    let directions = Directions::of(&selected.state.fit.information(setting));
+    let (covariance, told) = (directions.inverse(), directions.visibility());
+    let half = |i: usize| {
+        let along = &setting.map.matrix[i * free..(i + 1) * free];
+        if along.iter().all(|a| *a == 0.0) || along.iter().zip(&told).any(|(a, t)| *a != 0.0 && *t < TOLD) {
+            return None;
+        }
+        let variance: f64 =
+            (0..free).flat_map(|j| (0..free).map(move |k| (j, k))).map(|(j, k)| along[j] * along[k] * covariance[(j, k)]).sum();
+        Some(TWO_SIDED_95 * variance.max(0.0).sqrt())
+    };
+    let parameters = setting.model.parameters().iter().enumerate();
+    parameters
+        .map(|(i, p)| BaseParameter {
+            name: p.name.clone(),
+            unit: p.unit.clone(),
+            before: before[i],
+            after: after[i],
+            ci95: half(i).map(|h| (after[i] - h, after[i] + h)),
+        })
+        .collect()
+}
+
+/// Tests without a library on what the final model leaves.
+fn review(
+    question: &Question<'_>,
+    search: &Search<'_>,
+    selected: &Selected,
+) -> Result<(Vec<crate::residuals::Flag>, crate::finding::Location), DiagnosisError> {
+    let setting = &search.setting;
+    let free = setting.free();
+    let state = &selected.state;
+    let simulate = |effects: &[usize], fit: &Fit, x: &[f64]| -> Result<Series, DiagnosisError> {
+        let mut runner = Runner::new(setting, &search.effects(effects), &fit.point)?;
+        let mut out = fit.simulated.clone();
+        if !runner.run(x, &fit.point.starts, &mut out) {
+            out.clone_from(&fit.simulated);
+        }
+        Ok(setting.layout.series(&out))
+    };
+    let base = simulate(&[], &selected.base, &selected.base.point.x)?;
+    let last = simulate(&state.effects, &state.fit, &state.fit.point.x)?;
+    let without = simulate(&[], &state.fit, &state.fit.point.x[..free])?;
+    let effects = search.effects(&state.effects);
+    let mut runner = Runner::new(setting, &effects, &state.fit.point)?;
+    let jacobian = (0..state.fit.point.x.len()).map(|j| setting.layout.series(&runner.column(&state.fit.point, j, &state.fit.simulated)));
+    let residuals = Residuals {
+        model: setting.model,
+        data: setting.data,
+        theta_base: setting.map.theta(&selected.base.point.x[..free]),
+        theta_final: setting.map.theta(&state.fit.point.x[..free]),
+        base,
+        last,
+        noise: selected.whitening.noise.clone(),
+        jacobian: jacobian.collect(),
+        half_track: setting.scene.frame.half_track(),
+    };
+    let explained = state.fit.likelihood(setting) - selected.base.likelihood(setting);
+    Ok(adequacy::review(&residuals, setting.scene, &without, explained, question.seed)?)
+}

@@ -1,0 +1,104 @@
+//! The verdict: what the evidence, the tests without a library and the held-out data say together.
+
+use wheelwright_core::effect::{Effect, Estimate, Scene};
+
+use crate::answer::AMBIGUOUS;
+use crate::finding::{Finding, FoundParameter, Verdict};
+use crate::holdout::Transfer;
+use crate::residuals::Flag;
+
+/// Share of the misfit that may be left over by a test without a library before an explanation is only a part of one.
+const LEFT_OVER: f64 = 0.08;
+
+/// Everything that weighs.
+pub(crate) struct Weighed<'a> {
+    pub(crate) findings: Vec<Finding>,
+    pub(crate) flags: Vec<Flag>,
+    pub(crate) transfer: Transfer,
+    pub(crate) warnings: Vec<String>,
+    pub(crate) effects: &'a [Box<dyn Effect>],
+    pub(crate) scene: &'a Scene,
+}
+
+/// What comes of it.
+pub(crate) struct Decided {
+    pub(crate) verdict: Verdict,
+    pub(crate) headline: String,
+    pub(crate) effects: Vec<Finding>,
+    pub(crate) partial: Vec<Finding>,
+    pub(crate) warnings: Vec<String>,
+}
+
+pub(crate) fn decide(weighed: Weighed<'_>) -> Decided {
+    let Weighed { mut findings, flags, transfer, mut warnings, effects, scene } = weighed;
+    // What acts on the noise alone shows in the tests and not in the likelihood.
+    for flag in flags.iter().filter(|f| f.left_over.is_none()) {
+        findings.extend(flag.effect.as_ref().and_then(|(name, values)| of_noise(name, values, flag, effects, scene)));
+    }
+    let left: Vec<&Flag> = flags.iter().filter(|f| f.left_over.is_some_and(|share| share > LEFT_OVER)).collect();
+    warnings.extend(left.iter().map(|f| f.statement.clone()));
+    let nothing = findings.is_empty();
+    let rivals = findings.iter().any(|f| f.alternatives.iter().any(|a| a.gap < AMBIGUOUS));
+    if transfer == Transfer::Fails && !nothing {
+        warnings
+            .push("what explains the training data does not bring the held-out error down: it fits here and does not transfer".to_owned());
+    }
+    let verdict = match (nothing, left.is_empty()) {
+        (true, true) => Verdict::NoMismatch,
+        (_, false) => Verdict::Unexplained,
+        (false, true) if transfer == Transfer::Fails => Verdict::Unexplained,
+        (false, true) if rivals => Verdict::Ambiguous,
+        (false, true) => Verdict::Explained,
+    };
+    let headline = headline(verdict, &findings, &left);
+    let (effects, partial) = if verdict == Verdict::Unexplained { (Vec::new(), findings) } else { (findings, Vec::new()) };
+    Decided { verdict, headline, effects, partial, warnings }
+}
+
+/// A finding of an effect that acts on the noise.
+fn of_noise(name: &str, values: &[f64], flag: &Flag, effects: &[Box<dyn Effect>], scene: &Scene) -> Option<Finding> {
+    let effect = effects.iter().find(|e| e.name() == name && e.inapplicable(scene).is_none())?;
+    let parameters = effect.parameters(scene);
+    if parameters.len() != values.len() {
+        return None;
+    }
+    let estimates: Vec<Estimate> = values.iter().map(|value| Estimate { value: *value, ci95: None }).collect();
+    Some(Finding {
+        name: effect.name().to_owned(),
+        place: effect.stage().place(),
+        statement: effect.statement(&estimates, scene),
+        parameters: parameters
+            .into_iter()
+            .zip(values)
+            .map(|(p, v)| FoundParameter { name: p.name, value: *v, ci95: None, unit: p.unit, label: p.label })
+            .collect(),
+        values: values.to_vec(),
+        settings: serde_json::to_value(effect).unwrap_or_default(),
+        delta_bic: flag.value - flag.threshold,
+        holdout_gain: None,
+        alternatives: Vec::new(),
+    })
+}
+
+fn headline(verdict: Verdict, findings: &[Finding], left: &[&Flag]) -> String {
+    let said = || findings.iter().map(|f| f.statement.clone()).collect::<Vec<_>>().join("; and ");
+    let names = |f: &Finding| {
+        let near = f.alternatives.iter().filter(|a| a.gap < AMBIGUOUS).map(|a| a.name.as_str());
+        std::iter::once(f.name.as_str()).chain(near).collect::<Vec<_>>().join(" or ")
+    };
+    match verdict {
+        Verdict::NoMismatch => "nothing beyond noise: the model explains this recording".to_owned(),
+        Verdict::Explained => said(),
+        Verdict::Ambiguous => {
+            let each: Vec<String> = findings.iter().map(names).collect();
+            format!("something is missing: {}; this recording cannot tell them apart", each.join(", and "))
+        }
+        Verdict::Unexplained => {
+            let why = left.first().map_or_else(|| "what fits here does not hold on other data".to_owned(), |f| f.statement.clone());
+            match findings.is_empty() {
+                true => format!("something is missing that no effect of the library explains: {why}"),
+                false => format!("something is missing that the library explains only in part: {why}; the part: {}", said()),
+            }
+        }
+    }
+}

@@ -1,0 +1,195 @@
+//! From a question to an answer, step by step.
+
+use wheelwright_core::Dataset;
+use wheelwright_core::effect::{Effect, Scene};
+use wheelwright_core::simulation::Readout;
+
+use crate::answer::{Story, tell};
+use crate::finding::Diagnosis;
+use crate::fit::base::{fit, renew};
+use crate::fit::layout::Layout;
+use crate::fit::search::{Effort, Fit};
+use crate::fit::setting::{Runner, Setting};
+use crate::fit::whitening::Whitening;
+use crate::noise::Noise;
+use crate::question::{DiagnosisError, Question};
+use crate::screen::{Response, saturate};
+use crate::select::{Search, State};
+
+/// Fewest values a parameter that are needed for a noise model to mean anything.
+const FEWEST: usize = 10;
+/// Numerical error of a free run as a share of an output's root mean square: below it nothing is physics.
+const NUMERICAL: f64 = 5e-5;
+/// Track width that is taken where none is known and none shows \[m\].
+const ORDINARY_TRACK: f64 = 0.35;
+/// Rows beyond which a recording only costs time: pieces spread evenly over it are taken.
+const MOST_ROWS: usize = 12_000;
+
+/// Diagnoses.
+///
+/// # Errors
+/// [`DiagnosisError`]: what makes an answer impossible, with numbers.
+pub fn diagnose(question: &Question<'_>) -> Result<Diagnosis, DiagnosisError> {
+    check(question)?;
+    let (data, headings) = thinned(question);
+    let mut warnings = Vec::new();
+    if data.samples() < question.training.samples() {
+        warnings.push(format!(
+            "{} of {} samples were diagnosed, in pieces spread evenly over the recording",
+            data.samples(),
+            question.training.samples()
+        ));
+    }
+    let track = match question.track_width {
+        Some(width) => width,
+        None => {
+            warnings.push(format!(
+                "the track width is unknown: effects at the wheels are computed with {ORDINARY_TRACK} m; give `--robot` to have their sizes right"
+            ));
+            ORDINARY_TRACK
+        }
+    };
+    let scene = Scene::new(&data, question.model, track, question.wheel_radius, headings.as_deref());
+    let setting = setting(question, &data, &scene, Readout::Instantaneous);
+    let story = selected(setting, question)?;
+    let story = other_readout(story, question, &data, &scene)?;
+    tell(question, story, warnings)
+}
+
+/// Odometry that differences counts records means over the interval, which looks like a delay of half a sample. Where being late
+/// is part of the explanation, the plainer reading of the data is tried, and kept if it explains as much with less.
+fn other_readout<'a>(story: Story<'a>, question: &Question<'a>, data: &'a Dataset, scene: &'a Scene) -> Result<Story<'a>, DiagnosisError> {
+    if story.selected.state.effects.is_empty() {
+        return Ok(story);
+    }
+    let mut other = setting(question, data, scene, Readout::IntervalMean);
+    let Ok(base) = fit(&mut other, question) else { return Ok(story) };
+    // Under the same white noise as the first base fit.
+    if base.likelihood(&other) <= story.first {
+        return Ok(story);
+    }
+    let rival = selected(other, question)?;
+    Ok(if rival.evidence() > story.evidence() { rival } else { story })
+}
+
+fn setting<'a>(question: &Question<'a>, data: &'a Dataset, scene: &'a Scene, readout: Readout) -> Setting<'a> {
+    let layout = Layout::of(data);
+    let mut map = question.map.clone();
+    if let (true, Some(theta)) = (question.fixed, &question.theta) {
+        map.free.clear();
+        map.matrix.clear();
+        map.offset.clone_from(theta);
+    }
+    Setting {
+        model: question.model,
+        map,
+        bounds: question.bounds.clone(),
+        data,
+        scene,
+        readout,
+        measured: layout.flat(data),
+        steps: Vec::new(),
+        floor: scene.scales.outputs.iter().map(|s| NUMERICAL * s).collect(),
+        substeps: 0,
+        layout,
+    }
+}
+
+/// Base fit, noise, and the effects that the evidence asks for.
+fn selected<'a>(mut setting: Setting<'a>, question: &Question<'a>) -> Result<Story<'a>, DiagnosisError> {
+    let rough = fit(&mut setting, question)?;
+    let first = rough.likelihood(&setting);
+    let open: Vec<usize> = (0..question.library.len()).filter(|i| question.library[*i].inapplicable(setting.scene).is_none()).collect();
+    let search = Search { setting, library: question.library, open };
+    let state = State { effects: Vec::new(), fit: rough };
+    let responses = search.respond(&state)?;
+    let (whitening, base) = whitened(&search.setting, &state.fit, &responses)?;
+    let selected = search.run(State { effects: Vec::new(), fit: base }, whitening, &responses)?;
+    Ok(Story { search, selected, responses, first })
+}
+
+/// The base fit under the noise of the saturated residual.
+fn whitened(setting: &Setting<'_>, rough: &Fit, responses: &[Response]) -> Result<(Whitening, Fit), DiagnosisError> {
+    let none: [&dyn Effect; 0] = [];
+    let mut runner = Runner::new(setting, &none, &rough.point)?;
+    let units = &setting.scene.scales.outputs;
+    let white = Noise::white(units, &setting.layout);
+    let whitening = Whitening::new(white, &setting.layout, &mut runner, &rough.point, &rough.simulated);
+    let lost = || DiagnosisError::NoStart("the fit cannot be evaluated where it ended".to_owned());
+    let mut again = crate::fit::search::evaluate(setting, &mut runner, &whitening, &rough.point).ok_or_else(lost)?;
+    let unknowns = again.point.x.len();
+    crate::fit::search::linearise(&mut runner, &whitening, &mut again, 0..unknowns);
+    let (mut residual, taken) = saturate(setting, &whitening, &again, responses);
+    for (c, unit) in units.iter().enumerate() {
+        residual[setting.layout.output(c)].iter_mut().for_each(|x| *x *= unit);
+    }
+    let noise = Noise::estimate(&residual, &setting.layout, (taken + whitening.taken()) as f64, &setting.floor);
+    renew(setting, &mut runner, noise, &again, Effort { trials: 12, worthwhile: 0.05 }).ok_or_else(lost)
+}
+
+fn check(question: &Question<'_>) -> Result<(), DiagnosisError> {
+    let (data, model) = (question.training, question.model);
+    for data in std::iter::once(data).chain(question.held_out) {
+        let names = |channels: &[wheelwright_core::Channel]| channels.iter().map(|c| c.name.to_string()).collect::<Vec<_>>().join(", ");
+        let found = [names(&data.inputs), names(&data.outputs)].join("; ");
+        let wanted = [names(model.inputs()), names(model.outputs())].join("; ");
+        if found != wanted {
+            return Err(DiagnosisError::Channels { found, wanted });
+        }
+    }
+    let needed = FEWEST * (question.map.free.len() + data.outputs.len() * (1 + data.stretches.len())).div_ceil(data.outputs.len().max(1));
+    if data.samples() < needed {
+        let needed_s = if data.samples() > 1 { needed as f64 * data.period() } else { 0.0 };
+        return Err(DiagnosisError::TooFewSamples { samples: data.samples(), needed, needed_s });
+    }
+    let moves = |s: &wheelwright_core::Stretch| s.outputs.iter().any(|c| c.iter().any(|x| *x != c[0]));
+    if !data.stretches.iter().any(moves) {
+        return Err(DiagnosisError::NoMotion);
+    }
+    let wanted = model.parameters().len();
+    match (&question.theta, question.fixed) {
+        (None, true) => Err(DiagnosisError::NothingToHold { found: 0, wanted }),
+        (Some(theta), true) if theta.len() != wanted => Err(DiagnosisError::NothingToHold { found: theta.len(), wanted }),
+        _ => Ok(()),
+    }
+}
+
+/// The training data, or pieces spread evenly over it, with the headings that belong to them.
+fn thinned(question: &Question<'_>) -> (Dataset, Option<Vec<Vec<f64>>>) {
+    let (data, headings) = (question.training, question.training_headings.as_ref());
+    if data.samples() <= MOST_ROWS {
+        return (data.clone(), headings.cloned());
+    }
+    let share = MOST_ROWS as f64 / data.samples() as f64;
+    // Pieces long against any lag of a robot, many enough to meet all that happened.
+    let piece = MOST_ROWS / 8;
+    let mut kept = Dataset { stretches: Vec::new(), ..data.clone() };
+    let mut kept_headings = headings.map(|_| Vec::new());
+    for (s, stretch) in data.stretches.iter().enumerate() {
+        let count = stretch.len().div_ceil((piece as f64 / share) as usize).max(1);
+        let length = ((stretch.len() as f64 * share) as usize / count).max(2);
+        for i in 0..count {
+            let room = stretch.len() - length;
+            let start = if count > 1 { room * i / (count - 1) } else { 0 };
+            kept.stretches.push(stretch.slice(start..start + length));
+            if let (Some(kept), Some(all)) = (&mut kept_headings, headings.and_then(|h| h.get(s))) {
+                kept.push(all[start..start + length].to_vec());
+            }
+        }
+    }
+    (kept, kept_headings)
+}
+
+impl Story<'_> {
+    /// Twice the log-likelihood of the whole less what its effects cost. Comparable between readings of the same data: the scale of
+    /// each reading's own noise counts with it.
+    fn evidence(&self) -> f64 {
+        let Self { search, selected, .. } = self;
+        let rows = search.setting.layout.rows() as f64;
+        let scale: f64 = selected.whitening.noise.innovation.iter().map(|s| 2.0 * rows * s.ln()).sum();
+        let effects = selected.state.effects.len();
+        let freedom = selected.state.fit.rank(&search.setting).saturating_sub(selected.base.rank(&search.setting)).max(effects);
+        let cost = freedom as f64 * search.log_values() + effects as f64 * (search.penalty(1) - search.log_values());
+        selected.state.fit.likelihood(&search.setting) - scale - cost
+    }
+}

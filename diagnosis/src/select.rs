@@ -1,0 +1,308 @@
+//! Selection: effects are added one after the other while the evidence asks for it, and exchanged where another does better.
+//!
+//! The score of an addition is the extended Bayesian information criterion (Chen and Chen, Biometrika 95, 2008):
+//! gain − df ln N − 2 ln(size of the library), the gain twice a log-likelihood under noise that is whitened, df by numerical rank.
+
+use wheelwright_core::effect::{Effect, EffectParameter};
+
+use crate::fit::base::renew;
+use crate::fit::search::{Effort, Fit, evaluate, linearise, maximise};
+use crate::fit::setting::{Point, Runner, Setting};
+use crate::fit::whitening::Whitening;
+use crate::noise::Noise;
+use crate::question::DiagnosisError;
+use crate::screen::{Candidate, Current, Projection, Response, responses};
+
+/// Most effects of one explanation.
+const MOST: usize = 3;
+/// Candidates that are refined after screening.
+const REFINED: usize = 6;
+/// Share of what the first effects explain that a further one must add: less is the imperfect form of the first.
+const SHARE: f64 = 0.02;
+/// What an exchange must gain, so that it is no toss of a coin.
+const EXCHANGE: f64 = 2.0;
+
+/// Refinement of a candidate: enough to rank it.
+const RANKING: Effort = Effort { trials: 14, worthwhile: 0.5 };
+/// Refinement of what is reported.
+pub(crate) const FINAL: Effort = Effort { trials: 20, worthwhile: 0.01 };
+/// Refinement of a fit that only has to be compared.
+const COMPARING: Effort = Effort { trials: 10, worthwhile: 0.1 };
+
+/// A model with effects under a noise model.
+#[derive(Debug, Clone)]
+pub(crate) struct State {
+    /// Indices in the library, in the order in which they were added.
+    pub(crate) effects: Vec<usize>,
+    pub(crate) fit: Fit,
+}
+
+/// A refined candidate.
+#[derive(Debug, Clone)]
+pub(crate) struct Refined {
+    pub(crate) effect: usize,
+    pub(crate) fit: Fit,
+    /// Penalised gain over the model it was added to.
+    pub(crate) score: f64,
+}
+
+/// The search's fixed surroundings.
+pub(crate) struct Search<'a> {
+    pub(crate) setting: Setting<'a>,
+    pub(crate) library: &'a [Box<dyn Effect>],
+    /// Indices of the effects that apply.
+    pub(crate) open: Vec<usize>,
+}
+
+/// What selection ended with.
+pub(crate) struct Selected {
+    pub(crate) state: State,
+    pub(crate) whitening: Whitening,
+    /// The base fit under the same noise.
+    pub(crate) base: Fit,
+    /// Every effect that was screened on the base model: index, penalised gain, best first. Refined gains where they were refined.
+    pub(crate) ranking: Vec<(usize, f64)>,
+}
+
+impl<'a> Search<'a> {
+    /// ln N, N the values that are explained.
+    pub(crate) fn log_values(&self) -> f64 {
+        (self.setting.layout.len() as f64).ln()
+    }
+
+    /// Penalty of an addition with so many degrees of freedom.
+    pub(crate) fn penalty(&self, freedom: usize) -> f64 {
+        freedom.max(1) as f64 * self.log_values() + 2.0 * (self.open.len().max(1) as f64).ln()
+    }
+
+    pub(crate) fn effect(&self, index: usize) -> &'a dyn Effect {
+        &*self.library[index]
+    }
+
+    pub(crate) fn effects(&self, indices: &[usize]) -> Vec<&'a dyn Effect> {
+        indices.iter().map(|i| self.effect(*i)).collect()
+    }
+
+    pub(crate) fn parameters(&self, indices: &[usize]) -> Vec<EffectParameter> {
+        indices.iter().flat_map(|i| self.effect(*i).parameters(self.setting.scene)).collect()
+    }
+
+    pub(crate) fn runner(&self, indices: &[usize], at: &Point) -> Option<Runner<'_, 'a>> {
+        Runner::new(&self.setting, &self.effects(indices), at).ok()
+    }
+
+    /// Raw responses of all effects that may join a model.
+    pub(crate) fn respond(&self, state: &State) -> Result<Vec<Response>, DiagnosisError> {
+        let effects = self.effects(&state.effects);
+        let current = Current { setting: &self.setting, effects: &effects, fit: &state.fit };
+        let families: Vec<&str> = effects.iter().map(|e| e.family()).collect();
+        let may = |i: &&usize| !families.contains(&self.effect(**i).family());
+        let library: Vec<(usize, &dyn Effect)> = self.open.iter().filter(may).map(|i| (*i, self.effect(*i))).collect();
+        Ok(responses(&current, &library)?)
+    }
+
+    /// The best start of every effect, best effect first.
+    pub(crate) fn screen(&self, state: &State, whitening: &Whitening, responses: &[Response]) -> Vec<Vec<Candidate>> {
+        let parameters = self.parameters(&state.effects);
+        let projection = Projection::new(&self.setting, whitening, &state.fit, &parameters);
+        let mut by_effect: Vec<Vec<Candidate>> = Vec::new();
+        for (index, response) in responses.iter().enumerate() {
+            let candidate = projection.candidate(index, response);
+            match by_effect.last_mut().filter(|c| c[0].effect == response.effect) {
+                Some(same) => same.push(candidate),
+                None => by_effect.push(vec![candidate]),
+            }
+        }
+        by_effect.iter_mut().for_each(|c| c.sort_by(|a, b| self.value(b).total_cmp(&self.value(a))));
+        by_effect.sort_by(|a, b| self.value(&b[0]).total_cmp(&self.value(&a[0])));
+        by_effect
+    }
+
+    fn value(&self, candidate: &Candidate) -> f64 {
+        candidate.gain - candidate.freedom as f64 * self.log_values()
+    }
+
+    /// The most promising effects, fitted jointly with the model they join; best first.
+    pub(crate) fn refine(&self, state: &State, whitening: &Whitening, screened: &[Vec<Candidate>]) -> Vec<Refined> {
+        let rank = state.fit.rank(&self.setting);
+        let before = state.fit.likelihood(&self.setting);
+        let mut refined: Vec<Refined> = Vec::new();
+        for candidates in screened.iter().take(REFINED) {
+            let Some(fit) = self.fit_candidate(state, whitening, candidates) else { continue };
+            let gain = fit.likelihood(&self.setting) - before;
+            let freedom = fit.rank(&self.setting).saturating_sub(rank).max(1);
+            refined.push(Refined { effect: candidates[0].effect, fit, score: gain - self.penalty(freedom) });
+        }
+        refined.sort_by(|a, b| b.score.total_cmp(&a.score));
+        refined
+    }
+
+    /// Fits from the better of an effect's two best starts.
+    fn fit_candidate(&self, state: &State, whitening: &Whitening, candidates: &[Candidate]) -> Option<Fit> {
+        let mut indices = state.effects.clone();
+        indices.push(candidates[0].effect);
+        let mut best: Option<(Runner<'_, '_>, Fit)> = None;
+        for candidate in candidates.iter().take(2) {
+            let point = Point { x: candidate.x.clone(), starts: state.fit.point.starts.clone() };
+            let Some(mut runner) = self.runner(&indices, &point) else { continue };
+            let Some(fit) = evaluate(&self.setting, &mut runner, whitening, &point) else { continue };
+            if best.as_ref().is_none_or(|(_, b)| fit.likelihood(&self.setting) > b.likelihood(&self.setting)) {
+                best = Some((runner, fit));
+            }
+        }
+        let (mut runner, mut fit) = best?;
+        // The model's own columns are those it had without the effect until a step disappoints.
+        fit.columns = state.fit.columns.clone();
+        let (own, all) = (fit.columns.len(), fit.point.x.len());
+        linearise(&mut runner, whitening, &mut fit, own..all);
+        Some(maximise(&self.setting, &mut runner, whitening, fit, RANKING, false))
+    }
+
+    /// Noise as a fit leaves it.
+    fn noise_of(&self, indices: &[usize], fit: &Fit, whitening: &Whitening) -> Option<Noise> {
+        let mut runner = self.runner(indices, &fit.point)?;
+        let mut residual = vec![0.0; self.setting.layout.len()];
+        if !runner.run(&fit.point.x, &fit.point.starts, &mut residual) {
+            return None;
+        }
+        residual.iter_mut().zip(&self.setting.measured).for_each(|(r, y)| *r = y - *r);
+        let taken = (fit.rank(&self.setting) + whitening.taken()) as f64;
+        Some(Noise::estimate(&residual, &self.setting.layout, taken, &self.setting.floor))
+    }
+
+    /// A fit under another noise model.
+    fn under(&self, indices: &[usize], fit: &Fit, noise: &Noise, effort: Effort) -> Option<(Whitening, Fit)> {
+        let mut runner = self.runner(indices, &fit.point)?;
+        renew(&self.setting, &mut runner, noise.clone(), fit, effort)
+    }
+
+    /// Adds effects to the base while they are worth it.
+    pub(crate) fn run(&self, base: State, whitening: Whitening, first: &[Response]) -> Result<Selected, DiagnosisError> {
+        let mut selected = Selected { base: base.fit.clone(), state: base, whitening, ranking: Vec::new() };
+        for depth in 0..MOST {
+            let fresh;
+            let responses = if depth == 0 {
+                first
+            } else {
+                fresh = self.respond(&selected.state)?;
+                &fresh
+            };
+            let screened = self.screen(&selected.state, &selected.whitening, responses);
+            let refined = self.refine(&selected.state, &selected.whitening, &screened);
+            if depth == 0 {
+                selected.ranking = self.ranking(&screened, &refined);
+            }
+            // Candidates that lose their evidence under their own noise make room for the next.
+            let joined = refined.into_iter().filter(|r| r.score > 0.0).take(2).find_map(|r| self.join(&selected, r));
+            let Some(joined) = joined else { break };
+            selected = joined;
+            if selected.state.effects.len() > 1 {
+                self.exchange(&mut selected)?;
+            }
+        }
+        Ok(selected)
+    }
+
+    fn ranking(&self, screened: &[Vec<Candidate>], refined: &[Refined]) -> Vec<(usize, f64)> {
+        let screened = screened.iter().map(|c| (c[0].effect, c[0].gain - self.penalty(c[0].freedom)));
+        let mut all: Vec<(usize, f64)> = refined.iter().map(|r| (r.effect, r.score)).collect();
+        all.extend(screened.filter(|(e, _)| !refined.iter().any(|r| r.effect == *e)).collect::<Vec<_>>());
+        all
+    }
+
+    /// Takes a candidate into the model if its evidence holds under the noise that it leaves itself. A misfit hides in the noise of
+    /// the model that lacks the effect, but noise cannot hide from the model that has it.
+    fn join(&self, selected: &Selected, candidate: Refined) -> Option<Selected> {
+        let mut effects = selected.state.effects.clone();
+        effects.push(candidate.effect);
+        let noise = self.noise_of(&effects, &candidate.fit, &selected.whitening)?;
+        let (whitening, with) = self.under(&effects, &candidate.fit, &noise, FINAL)?;
+        let (_, without) = self.under(&selected.state.effects, &selected.state.fit, &noise, COMPARING)?;
+        let likelihood = |f: &Fit| f.likelihood(&self.setting);
+        let gain = likelihood(&with) - likelihood(&without);
+        let freedom = with.rank(&self.setting).saturating_sub(without.rank(&self.setting));
+        let score = gain - self.penalty(freedom);
+        let base = if selected.state.effects.is_empty() { without } else { self.under(&[], &selected.base, &noise, COMPARING)?.1 };
+        let explained = likelihood(&with) - likelihood(&base) - gain;
+        (score > 0.0 && score >= SHARE * explained).then(|| Selected {
+            state: State { effects, fit: with },
+            whitening,
+            base,
+            ranking: selected.ranking.clone(),
+        })
+    }
+
+    /// Drops each member in turn and takes the best replacement if it gains.
+    fn exchange(&self, selected: &mut Selected) -> Result<(), DiagnosisError> {
+        for member in 0..selected.state.effects.len() {
+            let Some(rest) = self.without(selected, member) else { continue };
+            let present = self.worth(selected, &rest);
+            let responses = self.respond(&rest)?;
+            let screened = self.screen(&rest, &selected.whitening, &responses);
+            let dropped = selected.state.effects[member];
+            let others: Vec<Vec<Candidate>> = screened.into_iter().filter(|c| c[0].effect != dropped).take(3).collect();
+            let best = self.refine(&rest, &selected.whitening, &others).into_iter().next();
+            let Some(best) = best.filter(|b| b.score > present + EXCHANGE) else { continue };
+            let mut effects = rest.effects.clone();
+            effects.push(best.effect);
+            let Some(noise) = self.noise_of(&effects, &best.fit, &selected.whitening) else { continue };
+            let Some((whitening, fit)) = self.under(&effects, &best.fit, &noise, FINAL) else { continue };
+            let Some((_, base)) = self.under(&[], &selected.base, &noise, COMPARING) else { continue };
+            *selected = Selected { state: State { effects, fit }, whitening, base, ranking: std::mem::take(&mut selected.ranking) };
+        }
+        Ok(())
+    }
+
+    /// The model without one of its effects, refitted under the same noise.
+    pub(crate) fn without(&self, selected: &Selected, member: usize) -> Option<State> {
+        self.keeping(selected, &|i| i != member)
+    }
+
+    /// The model with some of its effects, refitted under the same noise.
+    pub(crate) fn keeping(&self, selected: &Selected, keep: &dyn Fn(usize) -> bool) -> Option<State> {
+        let state = &selected.state;
+        let kept: Vec<usize> = (0..state.effects.len()).filter(|i| keep(*i)).collect();
+        let effects: Vec<usize> = kept.iter().map(|i| state.effects[*i]).collect();
+        if effects.is_empty() {
+            return Some(State { effects, fit: selected.base.clone() });
+        }
+        if effects.len() == state.effects.len() {
+            return Some(state.clone());
+        }
+        let free = self.setting.free();
+        let mut unknowns: Vec<usize> = (0..free).collect();
+        let mut at = free;
+        for (i, index) in state.effects.iter().enumerate() {
+            let n = self.effect(*index).parameters(self.setting.scene).len();
+            if kept.contains(&i) {
+                unknowns.extend(at..at + n);
+            }
+            at += n;
+        }
+        let x = unknowns.iter().map(|j| state.fit.point.x[*j]).collect();
+        let point = Point { x, starts: state.fit.point.starts.clone() };
+        let mut runner = self.runner(&effects, &point)?;
+        let mut fit = evaluate(&self.setting, &mut runner, &selected.whitening, &point)?;
+        fit.columns = unknowns.iter().map(|j| state.fit.columns[*j].clone()).collect();
+        let fit = maximise(&self.setting, &mut runner, &selected.whitening, fit, COMPARING, true);
+        Some(State { effects, fit })
+    }
+
+    /// Penalised gain of a member on top of the others.
+    pub(crate) fn worth(&self, selected: &Selected, rest: &State) -> f64 {
+        let freedom = selected.state.fit.rank(&self.setting).saturating_sub(rest.fit.rank(&self.setting));
+        selected.state.fit.likelihood(&self.setting) - rest.fit.likelihood(&self.setting) - self.penalty(freedom)
+    }
+
+    /// Every effect that could take a member's place in what is left without it: index and by how much its penalised score is worse
+    /// than the member's, best first.
+    pub(crate) fn rivals(&self, selected: &Selected, member: usize, rest: &State) -> Result<Vec<(usize, f64)>, DiagnosisError> {
+        let present = self.worth(selected, rest);
+        let responses = self.respond(rest)?;
+        let found = selected.state.effects[member];
+        let screened = self.screen(rest, &selected.whitening, &responses);
+        let others: Vec<Vec<Candidate>> = screened.into_iter().filter(|c| c[0].effect != found).collect();
+        let refined = self.refine(rest, &selected.whitening, &others);
+        Ok(refined.into_iter().map(|r| (r.effect, present - r.score)).collect())
+    }
+}
