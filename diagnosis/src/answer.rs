@@ -5,7 +5,10 @@ use wheelwright_core::effect::{Effect, Estimate, Scene};
 
 use crate::adequacy;
 use crate::decide::{Weighed, decide};
-use crate::finding::{Alternative, BaseParameter, Diagnosis, Finding, Fits, FoundParameter, Replay, Rung};
+use crate::experiment::{Rivals, design};
+use crate::finding::Experiment;
+use crate::finding::{Alternative, BaseParameter, Diagnosis, Finding, Fits, FoundParameter, Replay, Rung, Verdict};
+use crate::fit::Fitted;
 use crate::fit::algebra::Directions;
 use crate::fit::search::Fit;
 use crate::fit::setting::Runner;
@@ -13,13 +16,11 @@ use crate::holdout::{Explanation, Ground, Proof, Transfer, shifted, transfer};
 use crate::question::{DiagnosisError, Question};
 use crate::residuals::{Residuals, Series};
 use crate::screen::Response;
-use crate::select::{Search, Selected, State};
+use crate::select::{Refined, Search, Selected, State, TOLD};
 use crate::untestable;
 
 /// Two-sided 95 % point of the normal distribution.
 const TWO_SIDED_95: f64 = 1.959_964;
-/// Share of a parameter that must lie in directions the data tell, for an interval to mean anything.
-const TOLD: f64 = 0.9;
 /// Rivals this near in penalised evidence cannot be told from what was found.
 pub(crate) const AMBIGUOUS: f64 = 6.0;
 /// Rivals up to here are mentioned.
@@ -41,13 +42,17 @@ pub(crate) fn tell(question: &Question<'_>, story: Story<'_>, warnings: Vec<Stri
     let setting = &search.setting;
     let noise = &selected.whitening.noise;
     let proof = Proven::new(question, search, selected);
-    let findings = findings(search, selected, &proof)?;
+    let (findings, open) = findings(search, selected, &proof)?;
     let (flags, location) = review(question, search, selected)?;
     let base_state = State { effects: Vec::new(), fit: selected.base.clone() };
     let screened = search.screen(&base_state, &selected.whitening, responses);
     let untestable = untestable::list(search, &screened, responses, &selected.state);
     let ranking = selected.ranking.iter().map(|(i, score)| (search.effect(*i).name().to_owned(), *score)).collect();
     let weighed = decide(Weighed { findings, flags, transfer: proof.transfer, warnings, effects: search.library, scene: setting.scene });
+    let next_experiment = match weighed.verdict {
+        Verdict::Ambiguous if question.experiment => next_experiment(question, search, selected, &open)?,
+        _ => None,
+    };
     Ok(Diagnosis {
         verdict: weighed.verdict,
         headline: weighed.headline,
@@ -56,7 +61,7 @@ pub(crate) fn tell(question: &Question<'_>, story: Story<'_>, warnings: Vec<Stri
         location,
         fit: proof.fits,
         waterfall: proof.waterfall,
-        next_experiment: None,
+        next_experiment,
         untestable,
         base: base_parameters(search, selected),
         scene: setting.scene.clone(),
@@ -66,6 +71,29 @@ pub(crate) fn tell(question: &Question<'_>, story: Story<'_>, warnings: Vec<Stri
         ranking,
         warnings: weighed.warnings,
     })
+}
+
+/// The drive that would tell the remaining explanations apart.
+fn next_experiment(
+    question: &Question<'_>,
+    search: &Search<'_>,
+    selected: &Selected,
+    open: &[State],
+) -> Result<Option<Experiment>, DiagnosisError> {
+    let states: Vec<&State> = std::iter::once(&selected.state).chain(open).collect();
+    let fits: Vec<Fitted<'_>> = states.iter().map(|s| search.fitted(s)).collect();
+    let name = |s: &&State| s.effects.iter().map(|i| search.effect(*i).name()).collect::<Vec<_>>().join(" + ");
+    let rivals = Rivals {
+        model: search.setting.model,
+        map: &search.setting.map,
+        names: states.iter().map(name).collect(),
+        fits: fits.iter().collect(),
+        scene: search.setting.scene,
+        noise: &selected.whitening.noise,
+        limits: question.limits,
+        seed: question.seed,
+    };
+    Ok(design(&rivals)?)
 }
 
 /// θ and effects' values of a state.
@@ -184,7 +212,9 @@ fn intervals(fit: &Fit, search: &Search<'_>) -> Vec<Option<f64>> {
         .collect()
 }
 
-fn findings(search: &Search<'_>, selected: &Selected, proof: &Proven) -> Result<Vec<Finding>, DiagnosisError> {
+/// Findings, and the explanations that could take that of the whole's place.
+fn findings(search: &Search<'_>, selected: &Selected, proof: &Proven) -> Result<(Vec<Finding>, Vec<State>), DiagnosisError> {
+    let mut open = Vec::new();
     let setting = &search.setting;
     let state = &selected.state;
     let halves = intervals(&state.fit, search);
@@ -222,15 +252,19 @@ fn findings(search: &Search<'_>, selected: &Selected, proof: &Proven) -> Result<
             holdout_gain: proof.gains[member],
             alternatives: alternatives(search, effect, &rivals),
         });
+        if let Some(rest) = rest {
+            let near = rivals.into_iter().filter(|(r, gap)| *gap < AMBIGUOUS && search.effect(r.effect).name() != effect.name());
+            open.extend(near.map(|(r, _)| State { effects: rest.effects.iter().copied().chain([r.effect]).collect(), fit: r.fit }));
+        }
     }
-    Ok(all)
+    Ok((all, open))
 }
 
 /// Rivals near enough to be mentioned, each name once.
-fn alternatives(search: &Search<'_>, found: &dyn Effect, rivals: &[(usize, f64)]) -> Vec<Alternative> {
+fn alternatives(search: &Search<'_>, found: &dyn Effect, rivals: &[(Refined, f64)]) -> Vec<Alternative> {
     let mut all: Vec<Alternative> = Vec::new();
-    for (index, gap) in rivals.iter().filter(|(_, gap)| *gap < MENTIONED) {
-        let effect = search.effect(*index);
+    for (rival, gap) in rivals.iter().filter(|(_, gap)| *gap < MENTIONED) {
+        let effect = search.effect(rival.effect);
         if effect.name() == found.name() || all.iter().any(|a| a.name == effect.name()) {
             continue;
         }

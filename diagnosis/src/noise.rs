@@ -185,7 +185,7 @@ impl Filter {
         let lagged = |lag: usize| parts.iter().map(|s| s.iter().zip(s.iter().skip(lag)).map(|(a, b)| a * b).sum::<f64>()).sum::<f64>();
         let covariance: Vec<f64> = (0..=longest).map(|lag| lagged(lag) / rows as f64).collect();
         let white = Self { coefficients: vec![Vec::new()], gains: vec![1.0] };
-        if !(covariance[0] > floor * floor) {
+        if covariance[0].is_nan() || covariance[0] <= floor * floor {
             return (white, covariance[0].max(0.0), covariance[0].max(0.0));
         }
         let (mut coefficients, mut variances) = (vec![Vec::new()], vec![covariance[0]]);
@@ -196,7 +196,7 @@ impl Filter {
             let mut next: Vec<f64> = (0..p - 1).map(|i| last[i] - reflection * last[p - 2 - i]).collect();
             next.push(reflection);
             let variance = variances[p - 1] * (1.0 - reflection * reflection);
-            if !(variance > 1e-12 * covariance[0]) {
+            if variance.is_nan() || variance <= 1e-12 * covariance[0] {
                 break;
             }
             coefficients.push(next);

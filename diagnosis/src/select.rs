@@ -5,6 +5,8 @@
 
 use wheelwright_core::effect::{Effect, EffectParameter};
 
+use crate::fit::Fitted;
+use crate::fit::algebra::Directions;
 use crate::fit::base::renew;
 use crate::fit::search::{Effort, Fit, evaluate, linearise, maximise};
 use crate::fit::setting::{Point, Runner, Setting};
@@ -21,6 +23,9 @@ const REFINED: usize = 6;
 const SHARE: f64 = 0.02;
 /// What an exchange must gain, so that it is no toss of a coin.
 const EXCHANGE: f64 = 2.0;
+
+/// Share of a parameter that must lie in directions the data tell, for an interval to mean anything.
+pub(crate) const TOLD: f64 = 0.9;
 
 /// Refinement of a candidate: enough to rank it.
 const RANKING: Effort = Effort { trials: 14, worthwhile: 0.5 };
@@ -288,6 +293,35 @@ impl<'a> Search<'a> {
         Some(State { effects, fit })
     }
 
+    /// A state in the form that others work with.
+    pub(crate) fn fitted(&self, state: &State) -> Fitted<'a> {
+        let free = self.setting.free();
+        let x = &state.fit.point.x;
+        let effects = self.effects(&state.effects);
+        let mut at = free;
+        let values = effects.iter().map(|e| {
+            let n = e.parameters(self.setting.scene).len();
+            at += n;
+            x[at - n..at].to_vec()
+        });
+        let information = state.fit.information(&self.setting);
+        let directions = Directions::of(&information);
+        let (mut covariance, told) = (directions.inverse(), directions.visibility());
+        (0..told.len()).filter(|j| told[*j] < TOLD).for_each(|j| covariance[(j, j)] = f64::INFINITY);
+        Fitted {
+            values: values.collect(),
+            effects,
+            free: x[..free].to_vec(),
+            theta: self.setting.map.theta(&x[..free]),
+            initial: state.fit.point.starts.clone(),
+            simulated: self.setting.layout.series(&state.fit.simulated),
+            likelihood: state.fit.likelihood(&self.setting),
+            rank: directions.rank(),
+            information,
+            covariance,
+        }
+    }
+
     /// Penalised gain of a member on top of the others.
     pub(crate) fn worth(&self, selected: &Selected, rest: &State) -> f64 {
         let freedom = selected.state.fit.rank(&self.setting).saturating_sub(rest.fit.rank(&self.setting));
@@ -296,13 +330,19 @@ impl<'a> Search<'a> {
 
     /// Every effect that could take a member's place in what is left without it: index and by how much its penalised score is worse
     /// than the member's, best first.
-    pub(crate) fn rivals(&self, selected: &Selected, member: usize, rest: &State) -> Result<Vec<(usize, f64)>, DiagnosisError> {
+    pub(crate) fn rivals(&self, selected: &Selected, member: usize, rest: &State) -> Result<Vec<(Refined, f64)>, DiagnosisError> {
         let present = self.worth(selected, rest);
         let responses = self.respond(rest)?;
         let found = selected.state.effects[member];
         let screened = self.screen(rest, &selected.whitening, &responses);
         let others: Vec<Vec<Candidate>> = screened.into_iter().filter(|c| c[0].effect != found).collect();
         let refined = self.refine(rest, &selected.whitening, &others);
-        Ok(refined.into_iter().map(|r| (r.effect, present - r.score)).collect())
+        Ok(refined
+            .into_iter()
+            .map(|r| {
+                let gap = present - r.score;
+                (r, gap)
+            })
+            .collect())
     }
 }

@@ -192,11 +192,7 @@ fn scene_of(rivals: &Rivals<'_>, stretch: &Stretch) -> Scene {
 /// All outputs, one after the other, whitened by their own past.
 fn whiten(noise: &Noise, mut run: Vec<Vec<f64>>) -> DVector<f64> {
     for (i, series) in run.iter_mut().enumerate() {
-        let a = &noise.coefficients[i];
-        for k in (0..series.len()).rev() {
-            let foreseen: f64 = a.iter().zip(series[..k].iter().rev()).map(|(a, e)| a * e).sum();
-            series[k] = (series[k] - foreseen) / noise.innovation[i];
-        }
+        noise.whiten_output(i, series);
     }
     DVector::from_vec(run.concat())
 }

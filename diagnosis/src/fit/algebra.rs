@@ -116,7 +116,7 @@ mod tests {
     fn a_repeated_column_adds_no_rank_and_leaves_its_own_share() {
         let c = columns();
         let twice: Vec<&[f64]> = vec![&c[0], &c[1], &c[0]];
-        let directions = Directions::of(&gram(&twice, &[0..101], &[1.0]));
+        let directions = Directions::of(&gram(&twice, &[0..50, 50..101], &[1.0, 1.0]));
         assert_eq!(directions.rank(), 2);
         let seen = directions.visibility();
         assert!((seen[0] - 0.5).abs() < 1e-6 && (seen[1] - 1.0).abs() < 1e-6, "{seen:?}");

@@ -194,7 +194,7 @@ fn step(setting: &Setting<'_>, fit: &Fit, limits: &Limits, damping: f64) -> Opti
 fn broyden(next: &mut Fit, before: &[f64], step: &DVector<f64>) {
     let sizes: Vec<f64> = next.columns.iter().map(|c| dot(c, c)).collect();
     let length: f64 = step.iter().zip(&sizes).map(|(s, d)| s * s * d).sum();
-    if !(length > 0.0) {
+    if length.is_nan() || length <= 0.0 {
         return;
     }
     // before − now − J s

@@ -108,7 +108,7 @@ impl StretchStarts {
                 }
             }
             let rest = norm(&left);
-            if !(rest > 1e-6 * size) || !rest.is_finite() {
+            if !rest.is_finite() || rest <= 1e-6 * size {
                 continue;
             }
             left.iter_mut().flatten().for_each(|x| *x /= rest);
