@@ -178,14 +178,25 @@ impl Fitted {
 /// it finds no integral or nothing that can be simulated.
 fn regressed(model: &dyn RegressorModel, map: &ParameterMap, data: &Dataset, places: &[usize]) -> Option<Vec<f64>> {
     let regressing = Integrating::new(model, places, true);
-    let mut z = local::regression_start(&regressing, &regressing.extend(map), &regressing.with_integrals(data)).ok()?;
-    z.truncate(map.free.len() + places.len());
-    let lambdas = z.split_off(map.free.len());
-    if lambdas.iter().all(|l| *l <= 0.0) {
+    let (mut wider, with) = (regressing.extend(map), regressing.with_integrals(data));
+    let (free, count, known) = (map.free.len(), places.len(), map.offset.len());
+    let mut z = local::regression_start(&regressing, &wider, &with).ok()?;
+    let mut lambdas = z[free..free + count].to_vec();
+    let largest = lambdas.iter().copied().fold(0.0, f64::max);
+    if largest <= 0.0 {
         return None;
     }
-    let base = local::simulable(model, map, data, z);
-    Some(base.into_iter().chain(lambdas.into_iter().map(|l| l.max(0.0))).collect())
+    // An axis too quick for this sampling may come out below zero, and its parameters with it: it starts as the others do, which
+    // the same firmware mostly controls alike.
+    if lambdas.iter().any(|l| *l <= 0.0) {
+        lambdas.iter_mut().filter(|l| **l <= 0.0).for_each(|l| *l = largest);
+        for (k, lambda) in lambdas.iter().enumerate() {
+            wider.impose(&[(known + k, 1.0)], *lambda).ok()?;
+        }
+        z = local::regression_start(&regressing, &wider, &with).ok()?;
+    }
+    z.truncate(free);
+    Some(local::simulable(model, map, data, z).into_iter().chain(lambdas).collect())
 }
 
 /// Where each integral of a stretch begins: what makes its equation right in the mean of the stretch.

@@ -22,6 +22,9 @@ impl Axis {
     }
 }
 
+/// A command of time.
+type Command = fn(f64) -> [f64; 2];
+
 /// Khepera-like: lags of 23 and 57 ms, gains of 1.05.
 fn khepera(integral: f64, drag: f64) -> [Axis; 2] {
     let axis = |lag: f64| Axis { inertia: 0.8 * lag, drag, proportional: 1.0, derivative: 0.2 * lag, integral };
@@ -49,7 +52,7 @@ fn steps(t: f64) -> [f64; 2] {
 }
 
 /// M x' = u − D x + coupling, u = kP (r − x) − kD x' + kI ∫(r − x) dt, the command r held for a period.
-fn driven(axes: [Axis; 2], command: fn(f64) -> [f64; 2], seconds: f64, rate: f64, noise: [f64; 2], seed: u64) -> Dataset {
+fn driven(axes: [Axis; 2], command: Command, seconds: f64, rate: f64, noise: [f64; 2], seed: u64) -> Dataset {
     let rate_of = |s: [f64; 4], r: [f64; 2]| -> [f64; 4] {
         let [v, w, qv, qw] = s;
         let one = |a: Axis, x: f64, r: f64, q: f64, coupling: f64| {
@@ -144,7 +147,7 @@ fn a_quick_integral_under_noise_is_warned_of_though_nothing_shows() {
 
 #[test]
 fn without_an_integral_there_is_none_and_no_warning() {
-    let drives: [(fn(f64) -> [f64; 2], [Axis; 2], f64); 4] = [
+    let drives: [(Command, [Axis; 2], f64); 4] = [
         (sines, khepera(0.0, 0.05), 50.0),
         (steps, khepera(0.0, 0.03), 50.0),
         (sines, pioneer(0.0, 0.05), 20.0),
