@@ -20,6 +20,9 @@ pub const LEVEL: f64 = 0.05;
 /// Values that differ by less than this share are one value: solvers stop no closer to their optimum.
 const SAME: f64 = 1e-6;
 
+/// Share of its variance below which a parameter's error is that of others, but for rounding.
+const TIED: f64 = 1e-9;
+
 /// What one recording alone gave.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Run {
@@ -107,7 +110,7 @@ pub fn fit_each(
     for (label, data) in recordings {
         let problem = Problem { model, data, map: map.clone(), bounds: bounds.to_vec(), seed };
         match solver.solve(&problem) {
-            Ok(found) => runs.push(Run { label: label.clone(), theta: found.theta, std: found.std, covariance: None }),
+            Ok(found) => runs.push(Run { label: label.clone(), theta: found.theta, std: found.std, covariance: found.covariance }),
             Err(error) => unfitted.push(Unfitted { label: label.clone(), error }),
         }
     }
@@ -194,12 +197,12 @@ fn exceeding(q: f64, degrees: usize) -> Option<f64> {
     ChiSquared::new(degrees as f64).ok().map(|d| d.sf(q))
 }
 
-/// Σ (θ − mean)ᵀ C⁻¹ (θ − mean) over the runs with the mean weighted alike; parameters without error in a run are left out.
+/// Σ (θ − mean)ᵀ C⁻¹ (θ − mean) over the runs with the mean weighted alike, over [`independent`] parameters.
 fn joint(runs: &[Run]) -> Option<f64> {
     let n = runs[0].theta.len();
     let covariances: Vec<DMatrix<f64>> =
         runs.iter().map(|r| r.covariance.as_ref().map(|c| floored(DMatrix::from_row_slice(n, n, c), &r.theta))).collect::<Option<_>>()?;
-    let free: Vec<usize> = (0..n).filter(|j| covariances.iter().all(|c| c[(*j, *j)] > 0.0)).collect();
+    let free = independent(&covariances);
     let weights: Vec<DMatrix<f64>> =
         covariances.iter().map(|c| c.select_rows(&free).select_columns(&free).cholesky().map(|c| c.inverse())).collect::<Option<_>>()?;
     let values: Vec<DVector<f64>> = runs.iter().map(|r| DVector::from_iterator(free.len(), free.iter().map(|j| r.theta[*j]))).collect();
@@ -208,6 +211,27 @@ fn joint(runs: &[Run]) -> Option<f64> {
     let mean = sum.cholesky()?.solve(&right);
     let q: f64 = weights.iter().zip(&values).map(|(w, x)| ((x - &mean).transpose() * w * (x - &mean))[(0, 0)]).sum();
     exceeding(q, (runs.len() - 1) * free.len())
+}
+
+/// Parameters that have an error of their own in every run: fixed ones have none, and of tied ones the last has none.
+fn independent(covariances: &[DMatrix<f64>]) -> Vec<usize> {
+    let n = covariances.first().map_or(0, DMatrix::nrows);
+    let mut kept: Vec<usize> = Vec::new();
+    for j in 0..n {
+        let wider: Vec<usize> = kept.iter().copied().chain([j]).collect();
+        let own = |c: &DMatrix<f64>| {
+            let correlation = DMatrix::from_fn(wider.len(), wider.len(), |a, b| {
+                let (a, b) = (wider[a], wider[b]);
+                c[(a, b)] / (c[(a, a)] * c[(b, b)]).sqrt()
+            });
+            let last = wider.len() - 1;
+            correlation.cholesky().is_some_and(|factor| factor.l()[(last, last)].powi(2) > TIED)
+        };
+        if covariances.iter().all(|c| c[(j, j)] > 0.0 && own(c)) {
+            kept = wider;
+        }
+    }
+    kept
 }
 
 /// A covariance whose errors are not below what counts as one value; parameters without error stay so.
@@ -323,6 +347,20 @@ mod tests {
     fn a_fixed_parameter_is_not_tested() {
         let found = compare(&parameters(1), &runs(&[1.0, 1.0], &[0.0, 0.0])).unwrap();
         assert_eq!(found.parameters[0].test, None);
+    }
+
+    #[test]
+    fn parameters_that_are_tied_count_once_in_the_joint_test() {
+        let run = |x: f64, y: f64| {
+            // The second is three times the first, the fourth is fixed; the third is correlated with the first.
+            let direction = DMatrix::from_row_slice(4, 2, &[0.1, 0.0, 0.3, 0.0, 0.05, 0.2, 0.0, 0.0]);
+            let covariance = &direction * direction.transpose();
+            let theta = &direction * DVector::from_vec(vec![x, y]) + DVector::from_vec(vec![1.0, 3.0, 1.0, 1.0]);
+            Run { label: String::new(), theta: theta.as_slice().to_vec(), std: None, covariance: Some(covariance.as_slice().to_vec()) }
+        };
+        // In units of its deviations the difference is (2, 1): a chi-square of (4 + 1)/2 on two.
+        let found = compare(&parameters(4), &[run(1.0, 0.0), run(-1.0, -1.0)]).unwrap();
+        assert!((found.p.unwrap() - (-1.25_f64).exp()).abs() < 1e-9, "{found:?}");
     }
 
     /// Correlated estimates of six parameters over five runs: rejections at 5 % level over 2000 draws, agreement holding.

@@ -65,6 +65,9 @@ pub struct Solution {
     pub std: Option<Vec<f64>>,
     /// 95 % confidence interval of each parameter, if the solver can give honest ones; not numbers where `std` is none.
     pub ci95: Option<Vec<(f64, f64)>>,
+    /// Covariance of θ, row-major, if the solver has one behind `std`; rows and columns of parameters that are fixed or at a
+    /// bound are zero.
+    pub covariance: Option<Vec<f64>>,
     /// How it ended.
     pub status: Status,
     /// Condition number of the scaled problem (largest over smallest singular value).

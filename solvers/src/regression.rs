@@ -168,7 +168,18 @@ impl SolverRegression {
     pub fn into_solution(self, theta: Vec<f64>, condition: f64) -> Solution {
         let Preparation { steps, warnings, .. } = self.preparation;
         let regression = Some(self.rows);
-        Solution { theta, std: None, ci95: None, status: Status::Solved, condition, at_bound: Vec::new(), steps, warnings, regression }
+        Solution {
+            theta,
+            std: None,
+            ci95: None,
+            covariance: None,
+            status: Status::Solved,
+            condition,
+            at_bound: Vec::new(),
+            steps,
+            warnings,
+            regression,
+        }
     }
 }
 

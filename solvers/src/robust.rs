@@ -82,6 +82,7 @@ impl Solver for Robust {
             theta,
             std: None,
             ci95: None,
+            covariance: None,
             status,
             condition,
             at_bound,

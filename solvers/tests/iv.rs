@@ -116,7 +116,9 @@ fn ties_between_equations_are_kept() {
     let solution = iv().solve(&Problem::new(&*model, &data)).unwrap();
     assert!((solution.theta[3] - solution.theta[5]).abs() < 1e-12 && solution.status == Status::Solved);
     assert!((solution.theta[2] - track * track / 4.0 * solution.theta[4]).abs() < 1e-12, "{:?}", solution.theta);
-    let std = solution.std.unwrap();
+    let (std, covariance) = (solution.std.unwrap(), solution.covariance.unwrap());
+    (0..6).for_each(|i| assert!((covariance[7 * i].sqrt() / std[i] - 1.0).abs() < 1e-12));
+    assert!((covariance[3 * 6 + 5] / covariance[3 * 6 + 3] - 1.0).abs() < 1e-12, "tied parameters err alike");
     (0..6).for_each(|i| assert!((solution.theta[i] - tied[i]).abs() < 4.0 * std[i], "theta{}", i + 1));
 }
 

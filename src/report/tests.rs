@@ -107,6 +107,7 @@ fn identified(model: &Drive, theta: &[f64; 6], std: Option<&[f64; 6]>, data: &Da
         theta: theta.to_vec(),
         std: std.map(|s| s.to_vec()),
         ci95,
+        covariance: None,
         status: Status::Solved,
         condition: 12.3,
         at_bound: if std.is_none() { vec![2] } else { Vec::new() },

@@ -70,7 +70,18 @@ impl Solver for Quick {
         let theta = problem.map.theta(&point.z);
         let (steps, warnings) = (Vec::new(), Vec::new());
         let status = Status::Solved;
-        Ok(Solution { theta, std: None, ci95: None, status, condition: 1.0, at_bound: Vec::new(), steps, warnings, regression: None })
+        Ok(Solution {
+            theta,
+            std: None,
+            ci95: None,
+            covariance: None,
+            status,
+            condition: 1.0,
+            at_bound: Vec::new(),
+            steps,
+            warnings,
+            regression: None,
+        })
     }
 }
 

@@ -50,6 +50,13 @@ impl Intervals {
         }
     }
 
+    /// Covariance of θ, row-major; zero for parameters that are fixed or at a bound.
+    pub(super) fn covariance(&self) -> Vec<f64> {
+        let covariance = &self.transform * &self.covariance * self.transform.transpose();
+        // Symmetric, so the order of its entries is either.
+        covariance.as_slice().to_vec()
+    }
+
     /// Standard errors of θ; not a number for parameters that are fixed or at a bound.
     pub(super) fn std(&self) -> Vec<f64> {
         let of = |row: usize| {

@@ -207,6 +207,7 @@ impl<'a> Fit<'a> {
         Ok(Solution {
             ci95: Some(intervals.ci95(&theta)),
             std: Some(intervals.std()),
+            covariance: Some(intervals.covariance()),
             status,
             condition,
             steps: self.steps(run, rounds, scores.is_some()),

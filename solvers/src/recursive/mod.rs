@@ -118,6 +118,7 @@ impl Solver for Recursive {
         Ok(Solution {
             std: ci95.is_some().then_some(std),
             ci95,
+            covariance: None,
             status: Status::Solved,
             condition,
             at_bound: Vec::new(),
