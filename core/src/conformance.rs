@@ -3,11 +3,16 @@
 //! Every registered built-in is run through these checks; a plugin author calls them in one line:
 //!
 //! ```
-//! # use wheelwright_core::{RegressorModel, conformance};
+//! # use wheelwright_core::{Effect, RegressorModel, conformance};
 //! fn my_model_keeps_its_promises(model: &dyn RegressorModel) {
 //!     assert_eq!(conformance::check_model(model), Ok(()));
 //! }
+//! fn my_effect_keeps_its_promises(effect: &dyn Effect) {
+//!     assert_eq!(conformance::check_effect(effect), Ok(()));
+//! }
 //! ```
+
+mod effect;
 
 use std::fmt;
 
@@ -17,6 +22,8 @@ use crate::channel::Channel;
 use crate::excitation::Excitation;
 use crate::model::{ModelError, RegressorModel, Sample, solve_accelerations};
 use crate::robot::Robot;
+
+pub use effect::check_effect;
 
 /// Points at which a model is tried.
 const POINTS: usize = 8;
@@ -144,6 +151,14 @@ pub enum Violation {
         found: f64,
         /// Value expected.
         expected: f64,
+    },
+    /// An effect breaks a promise.
+    #[error("on {channels} channels: {promise}")]
+    Effect {
+        /// Which channels it acted on: `body`, `sides`, `single`; `all` for what does not depend on them.
+        channels: &'static str,
+        /// What it did.
+        promise: String,
     },
 }
 
