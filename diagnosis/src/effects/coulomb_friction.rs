@@ -46,7 +46,7 @@ impl Effect for CoulombFriction {
     }
 
     fn statement(&self, values: &[Estimate], scene: &Scene) -> String {
-        let whose = if scene.frame.has_wheels() { "at each wheel" } else { "on the first channel" };
+        let whose = if scene.frame.has_wheels() { "at each wheel".to_owned() } else { format!("on `{}`", scene.outputs[0].name) };
         format!("dry friction {whose} uses up {}; the model had none", force::in_words(values[0], scene))
     }
 

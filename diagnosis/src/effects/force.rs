@@ -46,40 +46,35 @@ pub(super) fn needs_wheels(scene: &Scene) -> Option<String> {
 
 /// Why an effect on channels cannot act, if it cannot: each output needs a command of its own.
 pub(super) fn needs_commands(scene: &Scene) -> Option<String> {
-    let (inputs, outputs) = (scene.scales.inputs.len(), scene.scales.outputs.len());
+    let (inputs, outputs) = (scene.inputs.len(), scene.outputs.len());
     (inputs != outputs).then(|| format!("{outputs} outputs and {inputs} inputs: which input moves which output is not known"))
 }
 
-/// Unit of a force at a wheel.
-pub(super) fn unit(scene: &Scene) -> &'static str {
+/// Unit of a force at a wheel; of the first channel's where there are none.
+pub(super) fn unit(scene: &Scene) -> &str {
     match scene.frame {
         Frame::Body { .. } => "m/s",
-        Frame::Sides { .. } => "V",
-        Frame::Channels => "input",
+        _ => scene.inputs.first().map_or("1", |c| &c.unit),
     }
 }
 
 /// Typical size of the command at one contact.
 pub(super) fn command(scene: &Scene, contact: usize) -> f64 {
-    match scene.frame {
-        Frame::Body { .. } => scene.scales.speed,
-        Frame::Sides { .. } => 0.5 * (scene.scales.inputs[0] + scene.scales.inputs[1]),
-        Frame::Channels => scene.scales.inputs[contact],
-    }
+    if scene.frame.has_wheels() { scene.scales.command } else { scene.scales.inputs[contact] }
 }
 
 /// Places where friction has a size of its own: one for both wheels, or one a channel where there are none.
 pub(super) fn contacts(scene: &Scene) -> usize {
-    if scene.frame.has_wheels() { 1 } else { scene.scales.outputs.len() }
+    if scene.frame.has_wheels() { 1 } else { scene.outputs.len() }
 }
 
 /// A friction of this name at each contact: not negative, and nothing at zero.
 pub(super) fn sizes(scene: &Scene, name: &str) -> Vec<EffectParameter> {
-    let size = |i: usize| EffectParameter::new(name, unit(scene), (0.0, f64::INFINITY), 0.05 * command(scene, i)).neutral(0.0);
+    let size = |i: usize, unit: &str| EffectParameter::new(name, unit, (0.0, f64::INFINITY), 0.05 * command(scene, i)).neutral(0.0);
     if scene.frame.has_wheels() {
-        return vec![size(0)];
+        return vec![size(0, unit(scene))];
     }
-    (0..contacts(scene)).map(|i| size(i).of("channel", &(i + 1).to_string())).collect()
+    scene.inputs.iter().zip(&scene.outputs).enumerate().map(|(i, (u, y))| size(i, &u.unit).of("output", &y.name)).collect()
 }
 
 /// In the body frame the two axes have control loops of their own: the same force counts this many times as much in turning as it

@@ -49,7 +49,10 @@ impl Effect for QuadraticDrag {
                 vec![drag("V s2/m2", size, "axis", "v"), drag("V s2/m", size * h, "axis", "omega")]
             }
             Frame::Channels => {
-                let one = |i: usize| drag("input/output2", s.inputs[i] / s.outputs[i].powi(2), "channel", &(i + 1).to_string());
+                let one = |i: usize| {
+                    let unit = format!("{}/({})2", scene.inputs[i].unit, scene.outputs[i].unit);
+                    drag(&unit, s.inputs[i] / s.outputs[i].powi(2), "output", &scene.outputs[i].name)
+                };
                 (0..s.outputs.len()).map(one).collect()
             }
         }

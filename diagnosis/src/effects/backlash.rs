@@ -1,0 +1,126 @@
+//! Play in the gears: while a wheel's drive crosses the gap nothing arrives at the wheel.
+//!
+//! The motor's side of the gap moves against the wheel's at a, the drive in terms of speed at the rim; z' = a while |z| < g/2. The
+//! drive arrives where z is at the end towards which it pushes, and the wheel coasts in between. The teeth take up the drive over the last
+//! tenth of the gap, in proportion, so that the moment of contact is no jump:
+//!
+//! τ = min(1, max(0, (2 z sgn a/g − 0.8)/0.2)),   z' = a (1 − τ),   the drive becomes τ a.
+
+use serde::{Deserialize, Serialize};
+use wheelwright_core::Effect;
+use wheelwright_core::effect::{Confusion, EffectParameter, Estimate, Frame, Instant, Motion, Scene, Stage, Start};
+
+use super::force;
+use super::words::{quantity, scaled};
+
+/// Backlash at both wheels.
+#[derive(Debug, Clone, Default, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Backlash {}
+
+/// Share of half the gap over which the teeth take up the drive.
+const TEETH: f64 = 0.2;
+/// Gaps that are tried, as shares of half the track: 1 to 16 mm for a robot of 0.34 m.
+const GAPS: [f64; 8] = [0.006, 0.012, 0.02, 0.03, 0.044, 0.06, 0.08, 0.1];
+
+/// Metres at the rim for one unit of a wheel's drive and second.
+fn speed_of_drive(scene: &Scene) -> f64 {
+    match scene.frame {
+        Frame::Body { .. } => 1.0,
+        _ => scene.scales.speed / force::command(scene, 0),
+    }
+}
+
+/// Share of a drive that arrives, at a place in the gap from −1 to 1.
+fn taken_up(place: f64, drive: f64) -> f64 {
+    ((place * drive.signum() - (1.0 - TEETH)) / TEETH).clamp(0.0, 1.0)
+}
+
+#[typetag::serde(name = "backlash")]
+impl Effect for Backlash {
+    fn name(&self) -> &str {
+        "backlash"
+    }
+
+    fn about(&self) -> String {
+        "play in the gears of both wheels".to_owned()
+    }
+
+    fn stage(&self) -> Stage {
+        Stage::Drive
+    }
+
+    fn inapplicable(&self, scene: &Scene) -> Option<String> {
+        force::needs_wheels(scene)
+    }
+
+    fn parameters(&self, scene: &Scene) -> Vec<EffectParameter> {
+        let h = scene.frame.half_track();
+        vec![EffectParameter::new("gap", "m", (0.0, 0.5 * h), 0.004 * h).neutral(0.0)]
+    }
+
+    fn starts(&self, scene: &Scene) -> Vec<Start> {
+        let h = scene.frame.half_track();
+        GAPS.map(|gap| Start { values: vec![gap * h], columns: vec![vec![0]], linear: false }).into()
+    }
+
+    fn statement(&self, values: &[Estimate], scene: &Scene) -> String {
+        let play = quantity(scaled(values[0], |g| 1000.0 * g), "mm");
+        let angle = scene.wheel_radius.map(|r| quantity(scaled(values[0], |g| (g / r).to_degrees()), "degrees"));
+        let angle = angle.map_or_else(String::new, |a| format!(", {a} of the wheel"));
+        format!("the gears have a play of {play} at the rim{angle}; the model had none")
+    }
+
+    fn excitation(&self) -> &'static str {
+        "frequent changes between pushing and braking, best about standstill"
+    }
+
+    fn confusions(&self) -> &'static [Confusion] {
+        &[
+            Confusion { with: "actuator_lag", because: "under smooth commands the time in the gap is a lag after each change of direction" },
+            Confusion { with: "command_delay", because: "crossing the gap takes time, as a delay does; but only when the drive changes sign" },
+            Confusion { with: "dead_zone", because: "about standstill either makes small commands without effect" },
+        ]
+    }
+
+    /// Place in each wheel's gap, from −1 to 1.
+    fn states(&self) -> usize {
+        2
+    }
+
+    /// The gap is closed in the direction of the first command.
+    fn begin(&self, _p: &[f64], at: &Instant<'_>, inputs: &[f64], _outputs: &[f64], state: &mut [f64]) {
+        let commands = at.scene.frame.wheels(inputs);
+        state.iter_mut().zip(commands).for_each(|(place, u)| *place = if u == 0.0 { 0.0 } else { u.signum() });
+    }
+
+    fn drive(&self, p: &[f64], at: &Instant<'_>, _motion: &Motion<'_>, state: &[f64], drive: &mut [f64]) {
+        if p[0] > 0.0 {
+            let frame = &at.scene.frame;
+            let [left, right] = frame.wheels(drive);
+            drive.copy_from_slice(&frame.from_wheels([left * taken_up(state[0], left), right * taken_up(state[1], right)]));
+        }
+    }
+
+    fn advance(&self, p: &[f64], at: &Instant<'_>, _outputs: &[f64], drive: &[f64], state: &mut [f64]) {
+        if p[0] <= 0.0 {
+            return;
+        }
+        let rim = speed_of_drive(at.scene);
+        for (place, drive) in state.iter_mut().zip(at.scene.frame.wheels(drive)) {
+            let rate = 2.0 * rim * drive.abs() / p[0];
+            *place = drive.signum() * across(*place * drive.signum(), rate, at.span);
+        }
+    }
+}
+
+/// Where the drive's side of a gap is after a time at a rate: straight up to the teeth, then against what they take up.
+fn across(place: f64, rate: f64, span: f64) -> f64 {
+    let free = (1.0 - TEETH - place).max(0.0);
+    if rate * span <= free {
+        return place + rate * span;
+    }
+    let rest = (rate * span - free) / TEETH;
+    let to_go = (1.0 - place).min(TEETH);
+    1.0 - to_go * (-rest).exp()
+}

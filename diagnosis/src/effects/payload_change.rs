@@ -1,0 +1,117 @@
+//! Something is loaded or unloaded: from t0 on the robot accelerates as with another mass and another moment of inertia.
+//!
+//! θ1 → θ1 (1 + d1), θ2 → θ2 (1 + d2), and where the load moves the centre of mass along the robot, θ5 → θ5 + d5 and
+//! θ3 → θ3 + h² d5 (of one cause, m b). In channels without wheels each has a change of its own.
+
+use serde::{Deserialize, Serialize};
+use wheelwright_core::Effect;
+use wheelwright_core::effect::{Confusion, EffectParameter, Estimate, Frame, Instant, Motion, Scene, Stage, Start};
+
+use super::force;
+use super::words::{percent, quantity, scaled};
+
+/// A change of payload.
+#[derive(Debug, Clone, Default, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct PayloadChange {}
+
+/// Times that are tried, as shares of the recording; a change nearer to an end has too little on one side of it.
+const TIMES: [f64; 15] = [0.08, 0.14, 0.20, 0.26, 0.32, 0.38, 0.44, 0.50, 0.56, 0.62, 0.68, 0.74, 0.80, 0.86, 0.92];
+/// Half of the robot may have been load; a robot that carries six times itself is another one.
+const CHANGE: (f64, f64) = (-0.5, 6.0);
+
+#[typetag::serde(name = "payload_change")]
+impl Effect for PayloadChange {
+    fn name(&self) -> &str {
+        "payload_change"
+    }
+
+    fn about(&self) -> String {
+        "mass and moment of inertia change at some time".to_owned()
+    }
+
+    fn stage(&self) -> Stage {
+        Stage::Drive
+    }
+
+    fn inapplicable(&self, scene: &Scene) -> Option<String> {
+        force::needs_commands(scene)
+    }
+
+    fn parameters(&self, scene: &Scene) -> Vec<EffectParameter> {
+        let (first, last) = scene.scales.time;
+        let change = |name: &str| EffectParameter::new(name, "1", CHANGE, 0.1).neutral(0.0);
+        let mut all = vec![EffectParameter::new("time_s", "s", (first, last), 0.02 * (last - first))];
+        if let Frame::Channels = scene.frame {
+            all.extend(scene.outputs.iter().map(|y| change("inertia_change").of("output", &y.name)));
+        } else {
+            let typical = force::command(scene, 0) / scene.scales.speed.powi(2);
+            let unit = if matches!(scene.frame, Frame::Sides { .. }) { "V s2/m2" } else { "s/m" };
+            all.extend([
+                change("mass_change"),
+                change("inertia_change"),
+                EffectParameter::new("coupling_change", unit, (-typical, typical), 0.05 * typical).neutral(0.0),
+            ]);
+        }
+        all
+    }
+
+    fn starts(&self, scene: &Scene) -> Vec<Start> {
+        let (first, last) = scene.scales.time;
+        let changes: Vec<f64> = self.parameters(scene)[1..].iter().map(|p| p.scale).collect();
+        let columns: Vec<Vec<usize>> = (1..=changes.len()).map(|i| vec![i]).collect();
+        let start = |share: f64| {
+            let values = [&[first + share * (last - first)], &changes[..]].concat();
+            Start { values, columns: columns.clone(), linear: true }
+        };
+        TIMES.map(start).into()
+    }
+
+    fn statement(&self, values: &[Estimate], scene: &Scene) -> String {
+        let change = |e: Estimate| {
+            let word = if e.value < 0.0 { "smaller" } else { "greater" };
+            format!("{} {word}", quantity(scaled(e, |x| 100.0 * x * e.value.signum()), "%"))
+        };
+        let what = match scene.frame {
+            Frame::Channels => format!("as if the inertia of `{}` were {}", scene.outputs[0].name, change(values[1])),
+            _ => format!("as if its mass were {} and its moment of inertia {}", change(values[1]), change(values[2])),
+        };
+        let (first, last) = scene.scales.time;
+        format!(
+            "the load changed at {}, {} into the recording: from then on the robot accelerates {what}; the model's stayed the same",
+            quantity(values[0], "s"),
+            percent((values[0].value - first) / (last - first)),
+        )
+    }
+
+    fn excitation(&self) -> &'static str {
+        "speeding up and slowing down, forwards and in turns, before and after the change"
+    }
+
+    fn confusions(&self) -> &'static [Confusion] {
+        &[
+            Confusion { with: "battery_sag", because: "a drive that weakens with time accelerates less as well; a sag also lowers the steady speed, a load does not" },
+            Confusion { with: "theta1", because: "a change near either end leaves too little on one side, and the model's own inertia takes it up" },
+        ]
+    }
+
+    fn next_switch(&self, p: &[f64], at: &Instant<'_>, _state: &[f64]) -> f64 {
+        if p[0] > at.time { p[0] } else { f64::INFINITY }
+    }
+
+    fn drive(&self, p: &[f64], at: &Instant<'_>, motion: &Motion<'_>, _state: &[f64], drive: &mut [f64]) {
+        // A time this close to a sample has not cut the interval.
+        if at.time < p[0] - 2e-9 * at.scene.scales.period {
+            return;
+        }
+        let frame = &at.scene.frame;
+        if frame.has_wheels() {
+            let ([v, w], h) = (frame.body(motion.outputs), frame.half_track());
+            let [forward, turn] = frame.body(drive);
+            let changed = [(forward + p[3] * h * h * w * w) / (1.0 + p[1]), (turn - p[3] * v * w) / (1.0 + p[2])];
+            drive.copy_from_slice(&frame.from_body(changed));
+        } else {
+            drive.iter_mut().zip(&p[1..]).for_each(|(drive, change)| *drive /= 1.0 + change);
+        }
+    }
+}

@@ -1,0 +1,140 @@
+//! The wheels slip on the ground while they push.
+//!
+//! `creep`: of the drive a at a wheel a/(1 + λ|s|) arrives, s its ground speed. A tyre's force is proportional to slip over speed, so
+//! that slip's share of the speed, and with it the time the ground speed takes to follow the wheel, grows with speed.
+//!
+//! `grip`: the ground holds no more than an acceleration a_max of the robot's mass; a drive beyond that spins the wheel. The
+//! transition is that of a tyre, a/(1 + |a/a_max|⁴)^¼. a_max/g is the friction coefficient if the driven wheels carry all weight.
+
+use serde::{Deserialize, Serialize};
+use wheelwright_core::Effect;
+use wheelwright_core::effect::{Confusion, EffectParameter, Estimate, Frame, Instant, Motion, Scene, Stage, Start};
+
+use super::force;
+use super::words::{digits, percent, quantity};
+
+/// What slips.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum SlipLaw {
+    /// Slip in proportion to force and speed.
+    #[default]
+    Creep,
+    /// A greatest force.
+    Grip,
+}
+
+/// Slip of the wheels.
+#[derive(Debug, Clone, Default, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct WheelSlip {
+    /// What slips. Default `creep`.
+    #[serde(default)]
+    pub law: SlipLaw,
+}
+
+/// Standard gravity \[m/s²\].
+const GRAVITY: f64 = 9.80665;
+
+#[typetag::serde(name = "wheel_slip")]
+impl Effect for WheelSlip {
+    fn name(&self) -> &str {
+        "wheel_slip"
+    }
+
+    fn about(&self) -> String {
+        match self.law {
+            SlipLaw::Creep => "the wheels creep on the ground, the more the faster and the harder they push".to_owned(),
+            SlipLaw::Grip => "the wheels spin when they push harder than the ground holds".to_owned(),
+        }
+    }
+
+    fn stage(&self) -> Stage {
+        Stage::Drive
+    }
+
+    fn inapplicable(&self, scene: &Scene) -> Option<String> {
+        force::needs_wheels(scene)
+    }
+
+    fn parameters(&self, scene: &Scene) -> Vec<EffectParameter> {
+        let speed = scene.scales.speed;
+        match self.law {
+            SlipLaw::Creep => vec![EffectParameter::new("creep", "s/m", (0.0, 100.0 / speed), 0.05 / speed).neutral(0.0)],
+            SlipLaw::Grip => vec![EffectParameter::new("grip", "m/s2", ((0.02 * speed).min(GRAVITY), 2.0 * GRAVITY), 0.1 * speed)],
+        }
+    }
+
+    fn starts(&self, scene: &Scene) -> Vec<Start> {
+        let speed = scene.scales.speed;
+        match self.law {
+            SlipLaw::Creep => vec![Start { values: vec![0.05 / speed], columns: vec![vec![0]], linear: true }],
+            SlipLaw::Grip => [8.0, 5.6, 4.0, 2.8, 2.0, 1.4, 1.0, 0.7, 0.5, 0.35]
+                .into_iter()
+                .map(|share| Start { values: vec![(share * speed).min(2.0 * GRAVITY)], columns: vec![vec![0]], linear: false })
+                .collect(),
+        }
+    }
+
+    fn statement(&self, values: &[Estimate], scene: &Scene) -> String {
+        let speed = scene.scales.speed;
+        match self.law {
+            SlipLaw::Creep => format!(
+                "the wheels creep on the ground by {} of force and speed: at {} m/s the robot follows its wheels {} more slowly than at rest; the model's wheels rolled without slip",
+                quantity(values[0], "s/m"),
+                digits(speed),
+                percent(values[0].value * speed)
+            ),
+            SlipLaw::Grip => format!(
+                "the wheels slip when the robot is to accelerate by more than {}, a friction coefficient of {} if they carry all of its weight; the model's wheels held always",
+                quantity(values[0], "m/s²"),
+                digits(values[0].value / GRAVITY)
+            ),
+        }
+    }
+
+    fn excitation(&self) -> &'static str {
+        match self.law {
+            SlipLaw::Creep => "the same steps of the command at low and at high speed",
+            SlipLaw::Grip => "the hardest acceleration and braking that the robot is meant for",
+        }
+    }
+
+    fn confusions(&self) -> &'static [Confusion] {
+        match self.law {
+            SlipLaw::Creep => &[
+                Confusion { with: "theta1", because: "at one speed it is a longer time constant" },
+                Confusion { with: "actuator_lag", because: "slip in proportion to force alone is a small lag" },
+                Confusion { with: "slew_limit", because: "either makes fast robots follow slowly when steps are large" },
+            ],
+            SlipLaw::Grip => &[
+                Confusion { with: "torque_saturation", because: "the ground or the motor may be what gives way; only the wheels' own speeds tell" },
+                Confusion { with: "slew_limit", because: "a command that rises slowly and a robot that cannot accelerate look alike in steps" },
+            ],
+        }
+    }
+
+    fn drive(&self, p: &[f64], at: &Instant<'_>, motion: &Motion<'_>, _state: &[f64], drive: &mut [f64]) {
+        let frame = &at.scene.frame;
+        let pushes = frame.wheels(drive);
+        let pushes = match self.law {
+            SlipLaw::Creep => {
+                let speeds = frame.wheels(motion.outputs);
+                [0, 1].map(|i| pushes[i] / (1.0 + p[0] * speeds[i].abs()))
+            }
+            SlipLaw::Grip => {
+                let i = motion.inertia;
+                // What one unit of forward acceleration takes at each wheel.
+                let needs = if matches!(frame, Frame::Body { .. }) { [i[0]; 2] } else { [i[0] + i[1], i[2] + i[3]] };
+                [0, 1].map(|side| limited(pushes[side], p[0] * needs[side]))
+            }
+        };
+        drive.copy_from_slice(&frame.from_wheels(pushes));
+    }
+}
+
+/// A push that goes over smoothly into its limit.
+fn limited(push: f64, limit: f64) -> f64 {
+    let over = (push / limit).abs().min(1e6);
+    push / (1.0 + over.powi(4)).powf(0.25)
+}
