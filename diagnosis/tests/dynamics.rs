@@ -2,159 +2,13 @@
 
 #![allow(clippy::unwrap_used)]
 
-use rand::rngs::StdRng;
-use rand::{Rng, SeedableRng};
-use wheelwright_core::effect::{Effect, EffectSimulator, Scene};
-use wheelwright_core::{Dataset, ModelConfig, RegressorModel, Stretch};
+mod rig;
+
+use rig::{HALF_TRACK, body, integrate, sides};
 use wheelwright_diagnosis::effects::{
-    Between, CoulombFriction, CoulombFrictionOneWheel, DirectionAsymmetry, QuadraticDrag, RollingResistance, StribeckFriction,
-    ViscousAsymmetry, Wheel, library,
+    Backlash, Between, CastorDrag, CoulombFriction, CoulombFrictionOneWheel, DirectionAsymmetry, LateralComOffset, PayloadChange,
+    QuadraticDrag, RollingResistance, ScrubLaw, SlipLaw, Slope, StribeckFriction, TurningScrub, ViscousAsymmetry, Wheel, WheelSlip,
 };
-use wheelwright_models::{VwPdConfig, WheelVoltageConfig};
-
-const HALF_TRACK: f64 = 0.17;
-
-/// A robot as its model, its parameters and a recording's commands.
-struct Rig {
-    model: Box<dyn RegressorModel>,
-    theta: Vec<f64>,
-    data: Dataset,
-    /// Accelerations that a net input gives; written here, not asked of the model.
-    base: fn([f64; 2], [f64; 2]) -> [f64; 2],
-    start: [f64; 2],
-    /// Width of the smooth sign of a friction [m/s].
-    kink: f64,
-}
-
-/// Velocity commands: th1 v' = u_v + th3 w² − th4 v, th2 w' = u_w − th5 v w − th6 w.
-fn body() -> Rig {
-    let base = |u: [f64; 2], x: [f64; 2]| {
-        let [v, w] = x;
-        [(u[0] - 0.01 * w * w - 1.02 * v) / 0.26, (u[1] - 0.05 * v * w - 1.05 * w) / 0.19]
-    };
-    rig(Box::new(VwPdConfig::default()), &[0.26, 0.19, -0.01, 1.02, 0.05, 1.05], [1.0, 1.0], [0.5, 1.0], base, [0.3, 0.2])
-}
-
-/// Voltages: each side u = kV s + kA s'.
-fn sides() -> Rig {
-    let base = |u: [f64; 2], x: [f64; 2]| [(u[0] - 2.5 * x[0]) / 0.4, (u[1] - 2.4 * x[1]) / 0.45];
-    let config = WheelVoltageConfig { static_friction: false, symmetric: false };
-    rig(Box::new(config), &[2.5, 0.4, 2.4, 0.45], [0.4, 0.4], [4.0, 4.0], base, [0.3, 0.4])
-}
-
-/// Steps of random length at uneven times, through standstill, in both directions.
-fn rig(
-    config: Box<dyn ModelConfig>,
-    theta: &[f64],
-    outputs: [f64; 2],
-    inputs: [f64; 2],
-    base: fn([f64; 2], [f64; 2]) -> [f64; 2],
-    start: [f64; 2],
-) -> Rig {
-    let model = config.build().unwrap();
-    let mut random = StdRng::seed_from_u64(11);
-    let (mut time, mut u) = (vec![0.0], vec![vec![0.6 * inputs[0]], vec![0.2 * inputs[1]]]);
-    while time.len() < 900 {
-        time.push(time[time.len() - 1] + 0.05 * random.random_range(0.9..1.1));
-        let change = random.random_bool(0.08);
-        for (u, size) in u.iter_mut().zip(inputs) {
-            u.push(if change { size * random.random_range(-1.0..1.1) } else { u[u.len() - 1] });
-        }
-    }
-    // Outputs set scales and tracks only; a simulation takes nothing from them but its start.
-    let measured = [0, 1].map(|i| u[i].iter().map(|u| outputs[i] * u).collect());
-    let stretch = Stretch { label: "1".to_owned(), outputs: measured.into(), inputs: u, time };
-    let data = Dataset { inputs: model.inputs().to_vec(), outputs: model.outputs().to_vec(), stretches: vec![stretch] };
-    let kink = 0.008 * Scene::new(&data, &*model, 2.0 * HALF_TRACK, None, None).scales.speed;
-    Rig { model, theta: theta.to_vec(), data, base, start, kink }
-}
-
-impl Rig {
-    fn scene(&self) -> Scene {
-        Scene::new(&self.data, &*self.model, 2.0 * HALF_TRACK, None, None)
-    }
-
-    fn stretch(&self) -> &Stretch {
-        &self.data.stretches[0]
-    }
-
-    fn run(&self, effects: &[&dyn Effect], values: &[f64]) -> Vec<Vec<f64>> {
-        let scene = self.scene();
-        let mut simulator = EffectSimulator::new(&*self.model, &self.theta, effects, &scene).unwrap();
-        simulator.set(&self.theta, values).unwrap();
-        simulator.choose_substeps(&self.data.stretches).unwrap();
-        let mut run = vec![Vec::new(); 2];
-        simulator.run(0, self.stretch(), &self.start, &mut run).unwrap();
-        run
-    }
-
-    /// Root mean square difference, relative to the outputs', of an effect's simulation from the integration of `slope(time, u, x)`.
-    /// The first two of `x` are the outputs.
-    fn error<const N: usize>(
-        &self,
-        effect: &dyn Effect,
-        values: &[f64],
-        start: [f64; N],
-        switches: &[f64],
-        slope: impl Fn(f64, [f64; 2], [f64; N]) -> [f64; N],
-    ) -> f64 {
-        let (run, truth) = (self.run(&[effect], values), integrate(self.stretch(), start, switches, slope));
-        let plain = self.run(&[], &[]);
-        let scale = self.scene().scales.outputs;
-        let rms = |a: &dyn Fn(usize, usize) -> f64| {
-            let sum: f64 = (0..2).map(|i| (0..truth.len()).map(|k| (a(i, k) / scale[i]).powi(2)).sum::<f64>()).sum();
-            (sum / (2 * truth.len()) as f64).sqrt()
-        };
-        let did = rms(&|i, k| truth[k][i] - plain[i][k]);
-        assert!(did > 0.01, "{effect:?} does next to nothing here: {did}");
-        rms(&|i, k| truth[k][i] - run[i][k])
-    }
-
-    /// The same for a load on each of two channels, from `load(x)`.
-    fn load_error(&self, effect: &dyn Effect, values: &[f64], load: impl Fn([f64; 2]) -> [f64; 2]) -> f64 {
-        self.error(effect, values, self.start, &[], |_, u, x| {
-            let load = load(x);
-            (self.base)([u[0] - load[0], u[1] - load[1]], x)
-        })
-    }
-
-    /// Sign of a speed, smooth within the kink.
-    fn sign(&self, speed: f64) -> f64 {
-        (speed / self.kink).tanh()
-    }
-}
-
-/// Fourth-order Runge-Kutta with steps of at most 0.2 ms, cut at samples and at `switches`.
-fn integrate<const N: usize>(
-    stretch: &Stretch,
-    start: [f64; N],
-    switches: &[f64],
-    slope: impl Fn(f64, [f64; 2], [f64; N]) -> [f64; N],
-) -> Vec<[f64; N]> {
-    let (mut x, mut out) = (start, vec![start]);
-    for k in 0..stretch.len() - 1 {
-        let u = [stretch.inputs[0][k], stretch.inputs[1][k]];
-        let mut cuts = vec![stretch.time[k]];
-        cuts.extend(switches.iter().filter(|t| **t > stretch.time[k] && **t < stretch.time[k + 1]));
-        cuts.push(stretch.time[k + 1]);
-        for pair in cuts.windows(2) {
-            let n = ((pair[1] - pair[0]) / 2e-4).ceil();
-            let h = (pair[1] - pair[0]) / n;
-            for i in 0..n as usize {
-                // Inside the step, so that no stage meets a switch.
-                let at = |share: f64| pair[0] + (i as f64 + share) * h;
-                let moved = |k: &[f64; N], f: f64| -> [f64; N] { std::array::from_fn(|j| x[j] + f * h * k[j]) };
-                let k1 = slope(at(1e-6), u, x);
-                let k2 = slope(at(0.5), u, moved(&k1, 0.5));
-                let k3 = slope(at(0.5), u, moved(&k2, 0.5));
-                let k4 = slope(at(1.0 - 1e-6), u, moved(&k3, 1.0));
-                x = std::array::from_fn(|j| x[j] + h / 6.0 * (k1[j] + 2.0 * k2[j] + 2.0 * k3[j] + k4[j]));
-            }
-        }
-        out.push(x);
-    }
-    out
-}
 
 /// Ground speeds of left and right wheel in the body frame.
 fn wheels([v, w]: [f64; 2]) -> [f64; 2] {
@@ -255,23 +109,187 @@ fn quadratic_drag_brakes_both_motions() {
 }
 
 #[test]
-fn neutral_values_give_the_base_run() {
-    for rig in [body(), sides()] {
-        let (scene, plain) = (rig.scene(), rig.run(&[], &[]));
-        for effect in library() {
-            if effect.inapplicable(&scene).is_some() {
-                continue;
-            }
-            let parameters = effect.parameters(&scene);
-            for start in effect.starts(&scene) {
-                let values: Vec<f64> = parameters.iter().zip(&start.values).map(|(p, v)| p.neutral.unwrap_or(*v)).collect();
-                if parameters.iter().all(|p| p.neutral.is_none()) {
-                    continue;
-                }
-                let run = rig.run(&[&*effect], &values);
-                let worst = run.iter().flatten().zip(plain.iter().flatten()).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
-                assert!(worst < 1e-9, "{} at {values:?}: {worst}", effect.name());
-            }
+fn scrub_resists_turning() {
+    let rig = body();
+    let (m, l) = (0.3, 0.2);
+    let patch = TurningScrub { law: ScrubLaw::Patch };
+    // A moment that is all there in place and falls with the slip angle otherwise; smooth at standstill within the kink.
+    let moment = |v: f64, w: f64, kink: f64| m * w / (w * w + v * v / (l * l) + (kink / HALF_TRACK).powi(2)).sqrt();
+    let error = rig.load_error(&patch, &[m, l], |[v, w]| [0.0, moment(v, w, rig.kink)]);
+    assert!(error < 3e-4, "{error}");
+    let understeer = TurningScrub { law: ScrubLaw::Understeer };
+    let error = rig.load_error(&understeer, &[0.8], |[v, w]| [0.0, 0.8 * v * v * w]);
+    assert!(error < 1e-4, "{error}");
+    let rig = sides();
+    let error = rig.load_error(&patch, &[m / HALF_TRACK, l], |[left, right]| {
+        let (v, w) = (0.5 * (left + right), (right - left) / (2.0 * HALF_TRACK));
+        [-moment(v, w, rig.kink), moment(v, w, rig.kink)]
+    });
+    assert!(error < 3e-4, "{error}");
+}
+
+#[test]
+fn a_castor_swings_round_and_drags() {
+    let rig = body();
+    let (f, l, d, ratio) = (0.06, 0.05, 0.2, 1.3);
+    // The direction in which the pivot and the castor's trailing wheel move together at the start.
+    let steady = |v: f64, w: f64| {
+        let rate = |delta: f64| (-v * delta.sin() - d * w * delta.cos()) / l - w;
+        let (mut low, mut high) = (-1.2, 1.2);
+        for _ in 0..60 {
+            let middle = 0.5 * (low + high);
+            if rate(middle) > 0.0 { low = middle } else { high = middle }
         }
+        low
+    };
+    let start = [rig.start[0], rig.start[1], steady(rig.start[0], rig.start[1])];
+    let error = rig.error(&CastorDrag {}, &[f, l, d, ratio], start, &[], |_, u, [v, w, delta]| {
+        let roll = v * delta.cos() - d * w * delta.sin();
+        // Force of the ground along the castor, its moment about the axle's middle at its pivot.
+        let (fx, fy) = (-f * rig.sign(roll) * delta.cos(), -f * rig.sign(roll) * delta.sin());
+        let moment = -d * fy;
+        let a = (rig.base)([u[0] + fx, u[1] + ratio / (HALF_TRACK * HALF_TRACK) * moment], [v, w]);
+        [a[0], a[1], (-v * delta.sin() - d * w * delta.cos()) / l - w]
+    });
+    assert!(error < 1e-3, "{error}");
+}
+
+#[test]
+fn a_slope_pulls_by_the_measured_heading() {
+    let rig = body();
+    let (c, s, share) = (0.05, -0.08, 0.9);
+    let stretch = rig.stretch();
+    // Heading by trapezoids over the record, straight between samples.
+    let mut heading = vec![0.0];
+    for k in 1..stretch.len() {
+        let mean = 0.5 * (stretch.outputs[1][k - 1] + stretch.outputs[1][k]);
+        heading.push(heading[k - 1] + mean * (stretch.time[k] - stretch.time[k - 1]));
+    }
+    let at = |t: f64| {
+        let k = (stretch.time.partition_point(|x| *x <= t).max(1) - 1).min(stretch.len() - 2);
+        heading[k] + (heading[k + 1] - heading[k]) * (t - stretch.time[k]) / (stretch.time[k + 1] - stretch.time[k])
+    };
+    let error = rig.error(&Slope {}, &[c, s, share], rig.start, &[], |t, u, x| {
+        let psi = at(t);
+        // Gravity in the world, −(c, s), seen from the body.
+        let (along, across) = (-c * psi.cos() - s * psi.sin(), c * psi.sin() - s * psi.cos());
+        (rig.base)([u[0] + along, u[1] + share * across], x)
+    });
+    assert!(error < 1e-4, "{error}");
+}
+
+#[test]
+fn a_payload_changes_inertia_from_its_time_on() {
+    let rig = body();
+    for time in [17.3456, rig.stretch().time[200]] {
+        let (d1, d2, d5) = (0.8, 0.5, 0.06);
+        let error = rig.error(&PayloadChange {}, &[time, d1, d2, d5], rig.start, &[time], |t, u, [v, w]| {
+            let on = if t >= time { 1.0 } else { 0.0 };
+            let (th1, th2) = (0.26 * (1.0 + on * d1), 0.19 * (1.0 + on * d2));
+            let (th3, th5) = (-0.01 + on * HALF_TRACK * HALF_TRACK * d5, 0.05 + on * d5);
+            [(u[0] + th3 * w * w - 1.02 * v) / th1, (u[1] - th5 * v * w - 1.05 * w) / th2]
+        });
+        assert!(error < 1e-4, "{error}");
+    }
+    let rig = sides();
+    let (time, d1, d2) = (20.01, 0.6, 1.2);
+    let error = rig.error(&PayloadChange {}, &[time, d1, d2, 0.0], rig.start, &[time], |t, u, x| {
+        let left = (u[0] - 2.5 * x[0], u[1] - 2.4 * x[1]);
+        let (sum, difference) = (0.5 * (left.0 + left.1), 0.5 * (left.1 - left.0));
+        let (sum, difference) = if t >= time { (sum / (1.0 + d1), difference / (1.0 + d2)) } else { (sum, difference) };
+        [(sum - difference) / 0.4, (sum + difference) / 0.45]
+    });
+    assert!(error < 1e-4, "{error}");
+}
+
+#[test]
+fn a_lateral_centre_of_mass_couples_the_axes_as_a_rigid_body_does() {
+    let rig = body();
+    let (y, ratio) = (0.05, 1.4);
+    let (th7, th8) = (0.26 * y, ratio * 0.26 * y / (HALF_TRACK * HALF_TRACK));
+    let error = rig.error(&LateralComOffset {}, &[y, ratio], rig.start, &[], |_, u, [v, w]| {
+        let (p, q) = (u[0] - 0.01 * w * w - 1.02 * v, u[1] - 0.05 * v * w - 1.05 * w);
+        // th1 a − th7 b = p, th2 b − th8 a = q.
+        let b = (q + th8 / 0.26 * p) / (0.19 - th8 * th7 / 0.26);
+        [(p + th7 * b) / 0.26, b]
+    });
+    assert!(error < 1e-4, "{error}");
+}
+
+/// A rigid body with its centre at (b, y), pushed at the rims by two motors: Newton and Euler about the centre of mass with the
+/// constraint that the axle does not slip sideways. Nothing of the effect's algebra.
+#[test]
+fn a_lateral_centre_of_mass_is_what_a_rigid_body_does() {
+    let (m, inertia, b, y, push) = (9.0, 0.25, 0.02, 0.04, 40.0);
+    let h = HALF_TRACK;
+    // In the model's terms a rim force f = push (command − speed) is 1 of command for `push` newtons, of two wheels.
+    let about_axle = inertia + m * (b * b + y * y);
+    let theta = [m / (2.0 * push), about_axle / (2.0 * push * h * h), m * b / (2.0 * push), 1.0, m * b / (2.0 * push * h * h), 1.0];
+    let mut rig = body();
+    rig.theta = theta.to_vec();
+    let slope = |_: f64, u: [f64; 2], [v, w]: [f64; 2]| {
+        let force = [push * (u[0] - h * u[1] - (v - h * w)), push * (u[0] + h * u[1] - (v + h * w))];
+        // Unknown: v', w', the sideways force N at the axle. Acceleration of the centre: (v' − y w' − b w², v w + b w' − y w²).
+        // m ax = Fl + Fr; m ay = N; I w' = moment of Fl, Fr, N about the centre.
+        let total = force[0] + force[1];
+        // Moment about the centre of a force (fx, fy) at (px, py): (px − b) fy − (py − y) fx.
+        let moment = |n: f64| (0.0 - b) * n - (h - y) * force[0] - (-h - y) * force[1];
+        // I w' = moment(0) − b N with N = m (v w + b w' − y w²), and v' = total/m + y w' + b w².
+        let turn = (moment(0.0) - b * m * (v * w - y * w * w)) / (inertia + m * b * b);
+        [total / m + y * turn + b * w * w, turn]
+    };
+    // The forces' moment about the centre has y in it: y (Fl + Fr) is the coupling.
+    let truth = integrate(rig.stretch(), rig.start, &[], slope);
+    let run = rig.run(&[&LateralComOffset {}], &[y, 1.0]);
+    let worst = (0..2).flat_map(|i| truth.iter().zip(&run[i]).map(move |(t, r)| (t[i] - r).abs())).fold(0.0, f64::max);
+    assert!(worst < 2e-4, "{worst}");
+    let without = rig.run(&[], &[]);
+    let did = (0..2).flat_map(|i| truth.iter().zip(&without[i]).map(move |(t, r)| (t[i] - r).abs())).fold(0.0, f64::max);
+    assert!(did > 0.02, "{did}");
+}
+
+#[test]
+fn wheels_creep_and_spin() {
+    let rig = body();
+    let drives = |u: [f64; 2], [v, w]: [f64; 2]| wheels([u[0] - 0.01 * w * w - 1.02 * v, u[1] - 0.05 * v * w - 1.05 * w]);
+    let to_body = |[left, right]: [f64; 2]| [0.5 * (left + right) / 0.26, (right - left) / (2.0 * HALF_TRACK) / 0.19];
+    let creep = 0.7;
+    let error = rig.error(&WheelSlip { law: SlipLaw::Creep }, &[creep], rig.start, &[], |_, u, x| {
+        let (a, s) = (drives(u, x), wheels(x));
+        to_body([a[0] / (1.0 + creep * s[0].abs()), a[1] / (1.0 + creep * s[1].abs())])
+    });
+    assert!(error < 1e-4, "{error}");
+    let grip: f64 = 0.9;
+    let error = rig.error(&WheelSlip { law: SlipLaw::Grip }, &[grip], rig.start, &[], |_, u, x| {
+        to_body(drives(u, x).map(|a| a / (1.0 + (a / (0.26 * grip)).powi(4)).powf(0.25)))
+    });
+    assert!(error < 2e-4, "{error}");
+    let rig = sides();
+    let error = rig.error(&WheelSlip { law: SlipLaw::Grip }, &[grip], rig.start, &[], |_, u, x| {
+        let one = |a: f64, inertia: f64| a / (1.0 + (a / (inertia * grip)).powi(4)).powf(0.25) / inertia;
+        [one(u[0] - 2.5 * x[0], 0.4), one(u[1] - 2.4 * x[1], 0.45)]
+    });
+    assert!(error < 2e-4, "{error}");
+}
+
+#[test]
+fn play_interrupts_the_drive() {
+    let rig = body();
+    for gap in [0.004, 0.015] {
+        let first = wheels([rig.stretch().inputs[0][0], rig.stretch().inputs[1][0]]).map(|u| 0.5 * gap * u.signum());
+        let start = [rig.start[0], rig.start[1], first[0], first[1]];
+        let error = rig.error(&Backlash {}, &[gap], start, &[], |_, u, [v, w, left, right]| {
+            let a = wheels([u[0] - 0.01 * w * w - 1.02 * v, u[1] - 0.05 * v * w - 1.05 * w]);
+            let share = |z: f64, a: f64| ((z * a.signum() - 0.4 * gap) / (0.1 * gap)).clamp(0.0, 1.0);
+            let on = [share(left, a[0]), share(right, a[1])];
+            let arriving = [a[0] * on[0], a[1] * on[1]];
+            [
+                0.5 * (arriving[0] + arriving[1]) / 0.26,
+                (arriving[1] - arriving[0]) / (2.0 * HALF_TRACK) / 0.19,
+                a[0] * (1.0 - on[0]),
+                a[1] * (1.0 - on[1]),
+            ]
+        });
+        assert!(error < 5e-4, "gap {gap}: {error}");
     }
 }

@@ -225,7 +225,9 @@ pub trait Effect: Debug + Send + Sync {
     /// input channels.
     fn drive(&self, _p: &[f64], _at: &Instant<'_>, _motion: &Motion<'_>, _state: &[f64], _drive: &mut [f64]) {}
 
-    /// Loads and drive effects with state: lets `at.span` seconds pass up to `at.time`, at `outputs` and `drive`.
+    /// Loads and drive effects with state: lets `at.span` seconds pass up to `at.time`, at `outputs` and at the drive before any
+    /// drive effect. Called twice a step with equal spans: up to its middle with the drive of its start, and up to its end with the
+    /// drive of its middle.
     fn advance(&self, _p: &[f64], _at: &Instant<'_>, _outputs: &[f64], _drive: &[f64], _state: &mut [f64]) {}
 
     /// Sensor effects: changes the outputs that are recorded at a sample, once a sample in their order, the first included.

@@ -22,6 +22,8 @@ const MAX_SUBSTEPS: usize = 16;
 /// Change of an output within a step by the bend of the right side alone, relative to its root mean square, above which the
 /// interval is stepped again more finely.
 const BEND: f64 = 0.02;
+/// Outputs beyond this cannot be squared and multiplied any more.
+const OVERFLOW: f64 = 1e100;
 /// How much more finely.
 const REFINEMENT: usize = 8;
 /// Step lengths whose weights are kept: intervals cut by a delay have two or three that recur.
@@ -102,6 +104,8 @@ struct Work {
     net: Vec<f64>,
     load: Vec<f64>,
     drive: Vec<f64>,
+    /// The drive before the drive effects.
+    given: Vec<f64>,
 }
 
 /// Outputs and their slopes at the sub-steps of a run, for effects that record the past.
@@ -168,7 +172,7 @@ impl<'a> EffectSimulator<'a> {
             next: buffer(),
             u: vec![0.0; m],
             travelled: buffer(),
-            work: Work { net: vec![0.0; m], load: vec![0.0; m], drive: vec![0.0; m] },
+            work: Work { net: vec![0.0; m], load: vec![0.0; m], drive: vec![0.0; m], given: vec![0.0; m] },
         };
         let mut simulator = Self {
             model,
@@ -298,10 +302,12 @@ impl<'a> EffectSimulator<'a> {
             self.record(&at, 0.0, simulated, true);
         }
         for k in rows.start + 1..rows.end {
-            self.interval(stretch, track, k - 1)?;
-            if self.body.x.iter().any(|x| !x.is_finite()) {
+            let stepped = self.interval(stretch, track, k - 1);
+            // A model that runs away overflows, and then its accelerations are undetermined as well.
+            if self.body.x.iter().chain(&self.body.mid).any(|x| !(x.abs() < OVERFLOW)) {
                 return Err(ModelError::Diverged { model: self.model.name().to_owned(), time: stretch.time[k] });
             }
+            stepped?;
             let at = Instant { time: stretch.time[k], span: 0.0, row: k, stretch, track, scene: self.scene, readout: self.readout };
             self.record(&at, stretch.time[k] - stretch.time[k - 1], simulated, false);
         }
@@ -411,7 +417,7 @@ impl<'a> EffectSimulator<'a> {
         apply(&w.half_forcing, diagonal, &b.n0, &mut b.mid, true);
         let half = Instant { time: at.time + 0.5 * h, span: 0.5 * h, ..*at };
         pass_command(effects, state, &half, &b.mid, &mut b.u);
-        advance(effects, state, &half, &b.mid, &b.work.drive);
+        advance(effects, state, &half, &b.mid, &b.work.given);
         right.accelerations(&half, &b.mid, &b.u, state, &mut b.work, &mut b.nm)?;
         linear_off(&linear.matrix, diagonal, &b.mid, &mut b.nm);
         apply(&w.full, diagonal, &b.x, &mut b.next, false);
@@ -429,7 +435,7 @@ impl<'a> EffectSimulator<'a> {
         std::mem::swap(&mut b.x, &mut b.next);
         let end = Instant { time: at.time + h, span: 0.5 * h, ..*at };
         pass_command(effects, state, &end, &b.x, &mut b.u);
-        advance(effects, state, &end, &b.x, &b.work.drive);
+        advance(effects, state, &end, &b.x, &b.work.given);
         Ok(bend)
     }
 }
@@ -453,7 +459,7 @@ impl RightSide<'_, '_> {
         work: &mut Work,
         out: &mut [f64],
     ) -> Result<(), ModelError> {
-        let Work { net, load, drive } = work;
+        let Work { net, load, drive, given } = work;
         load.fill(0.0);
         for slot in self.effects.iter().filter(|s| s.stage == Stage::Load) {
             slot.effect.load(&slot.values, at, x, &state[slot.states.clone()], load);
@@ -462,6 +468,7 @@ impl RightSide<'_, '_> {
         self.model.accelerations(self.theta, net, x, out)?;
         if let Some(Linear { inertia, mobility, .. }) = self.inertia {
             multiply(inertia, out, drive);
+            given.copy_from_slice(drive);
             for slot in self.effects.iter().filter(|s| s.stage == Stage::Drive) {
                 slot.effect.drive(&slot.values, at, &Motion { u, outputs: x, inertia }, &state[slot.states.clone()], drive);
             }

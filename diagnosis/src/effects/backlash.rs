@@ -20,6 +20,8 @@ pub struct Backlash {}
 
 /// Share of half the gap over which the teeth take up the drive.
 const TEETH: f64 = 0.2;
+/// Where in the state it says whether the middle of a step has been reached.
+const MIDDLE: usize = 4;
 /// Gaps that are tried, as shares of half the track: 1 to 16 mm for a robot of 0.34 m.
 const GAPS: [f64; 8] = [0.006, 0.012, 0.02, 0.03, 0.044, 0.06, 0.08, 0.1];
 
@@ -31,9 +33,15 @@ fn speed_of_drive(scene: &Scene) -> f64 {
     }
 }
 
-/// Share of a drive that arrives, at a place in the gap from −1 to 1.
-fn taken_up(place: f64, drive: f64) -> f64 {
-    ((place * drive.signum() - (1.0 - TEETH)) / TEETH).clamp(0.0, 1.0)
+/// Share of a drive that arrives, at a place in the gap from −1 to 1 towards which it pushes.
+fn taken_up(place: f64) -> f64 {
+    ((place - (1.0 - TEETH)) / TEETH).clamp(0.0, 1.0)
+}
+
+/// The same on average over a time from that place on: what the gap does not take arrives.
+fn taken_up_over(place: f64, rate: f64, span: f64) -> f64 {
+    let whole = rate * span;
+    if whole > 1e-9 { (1.0 - (across(place, rate, span) - place) / whole).clamp(0.0, 1.0) } else { taken_up(place) }
 }
 
 #[typetag::serde(name = "backlash")]
@@ -77,40 +85,59 @@ impl Effect for Backlash {
 
     fn confusions(&self) -> &'static [Confusion] {
         &[
-            Confusion { with: "actuator_lag", because: "under smooth commands the time in the gap is a lag after each change of direction" },
-            Confusion { with: "command_delay", because: "crossing the gap takes time, as a delay does; but only when the drive changes sign" },
+            Confusion {
+                with: "actuator_lag",
+                because: "under smooth commands the time in the gap is a lag after each change of direction",
+            },
+            Confusion {
+                with: "command_delay",
+                because: "crossing the gap takes time, as a delay does; but only when the drive changes sign",
+            },
             Confusion { with: "dead_zone", because: "about standstill either makes small commands without effect" },
         ]
     }
 
-    /// Place in each wheel's gap, from −1 to 1.
-    fn states(&self) -> usize {
-        2
+    /// Place in each wheel's gap, from −1 to 1; the places at the start of a step, and whether its middle has been reached.
+    fn states(&self, _scene: &Scene) -> usize {
+        5
     }
 
     /// The gap is closed in the direction of the first command.
     fn begin(&self, _p: &[f64], at: &Instant<'_>, inputs: &[f64], _outputs: &[f64], state: &mut [f64]) {
+        state.fill(0.0);
         let commands = at.scene.frame.wheels(inputs);
         state.iter_mut().zip(commands).for_each(|(place, u)| *place = if u == 0.0 { 0.0 } else { u.signum() });
     }
 
     fn drive(&self, p: &[f64], at: &Instant<'_>, _motion: &Motion<'_>, state: &[f64], drive: &mut [f64]) {
-        if p[0] > 0.0 {
-            let frame = &at.scene.frame;
-            let [left, right] = frame.wheels(drive);
-            drive.copy_from_slice(&frame.from_wheels([left * taken_up(state[0], left), right * taken_up(state[1], right)]));
+        if p[0] <= 0.0 {
+            return;
         }
+        let (frame, rim) = (&at.scene.frame, speed_of_drive(at.scene));
+        let mut drives = frame.wheels(drive);
+        for (side, drive) in drives.iter_mut().enumerate() {
+            let way = drive.signum();
+            let rate = 2.0 * rim * drive.abs() / p[0];
+            *drive *=
+                if state[MIDDLE] == 0.0 { taken_up(state[side] * way) } else { taken_up_over(state[2 + side] * way, rate, 2.0 * at.span) };
+        }
+        drive.copy_from_slice(&frame.from_wheels(drives));
     }
 
     fn advance(&self, p: &[f64], at: &Instant<'_>, _outputs: &[f64], drive: &[f64], state: &mut [f64]) {
         if p[0] <= 0.0 {
             return;
         }
+        // The whole step at the drive of its middle: of second order, as the motion is.
+        let (from, span) = if state[MIDDLE] == 0.0 { (0, at.span) } else { (2, 2.0 * at.span) };
         let rim = speed_of_drive(at.scene);
-        for (place, drive) in state.iter_mut().zip(at.scene.frame.wheels(drive)) {
-            let rate = 2.0 * rim * drive.abs() / p[0];
-            *place = drive.signum() * across(*place * drive.signum(), rate, at.span);
+        let drives = at.scene.frame.wheels(drive);
+        for side in 0..2 {
+            let (start, way) = (state[from + side], drives[side].signum());
+            state[2 + side] = start;
+            state[side] = way * across(start * way, 2.0 * rim * drives[side].abs() / p[0], span);
         }
+        state[MIDDLE] = 1.0 - state[MIDDLE];
     }
 }
 

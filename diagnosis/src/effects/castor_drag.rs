@@ -64,7 +64,7 @@ impl Effect for CastorDrag {
         let place = if distance.value < 0.0 { "ahead of" } else { "behind" };
         let away = super::words::scaled(distance, |d| d * distance.value.signum());
         format!(
-            "a castor {} {place} the axle, trailing its pivot by {}, drags: rolling uses up {}; the model had no castor",
+            "a castor {} {place} the axle, trailing its pivot by {}, drags: rolling it along uses up {}; the model had no castor",
             quantity(away, "m"),
             quantity(values[TRAIL], "m"),
             force::in_words(values[DRAG], scene),
@@ -78,14 +78,17 @@ impl Effect for CastorDrag {
     fn confusions(&self) -> &'static [Confusion] {
         &[
             Confusion { with: "rolling_resistance", because: "on the straight the castor's drag is a constant force against the motion" },
-            Confusion { with: "coulomb_friction", because: "without reversals the swinging round is not seen, and what is left brakes both motions" },
+            Confusion {
+                with: "coulomb_friction",
+                because: "without reversals the swinging round is not seen, and what is left brakes both motions",
+            },
             Confusion { with: "turning_scrub", because: "in gentle curves the castor's sideways pull is a moment against turning" },
             Confusion { with: "theta6", because: "as long as it trails, its moment is nearly proportional to the turning rate" },
         ]
     }
 
     /// cos δ/2 and sin δ/2, in which the swinging round is linear, and the outputs before.
-    fn states(&self) -> usize {
+    fn states(&self, _scene: &Scene) -> usize {
         4
     }
 

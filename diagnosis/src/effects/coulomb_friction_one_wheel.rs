@@ -51,11 +51,7 @@ impl Effect for CoulombFrictionOneWheel {
     }
 
     fn statement(&self, values: &[Estimate], scene: &Scene) -> String {
-        format!(
-            "the {} wheel alone has dry friction, which uses up {} there; the model had none",
-            self.wheel,
-            force::in_words(values[0], scene)
-        )
+        format!("the {} wheel alone has dry friction: it uses up {}; the model had none", self.wheel, force::in_words(values[0], scene))
     }
 
     fn excitation(&self) -> &'static str {

@@ -106,7 +106,7 @@ pub(super) fn at_contacts(at: &Instant<'_>, outputs: &[f64], ratio: Option<&f64>
     }
 }
 
-/// A force at a wheel in words: `0.031 m/s (0.029 to 0.033) of its command, 8 % of what is typical`.
+/// A force at a wheel in words: `0.031 m/s (0.029 to 0.033), 8.0 % of a typical command,`.
 pub(super) fn in_words(size: Estimate, scene: &Scene) -> String {
-    format!("{} of the command, {} of what is typical here", quantity(size, unit(scene)), percent(size.value / command(scene, 0)))
+    format!("{}, {} of a typical command", quantity(size, unit(scene)), percent(size.value / command(scene, 0)))
 }

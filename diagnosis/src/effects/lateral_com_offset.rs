@@ -66,8 +66,14 @@ impl Effect for LateralComOffset {
 
     fn confusions(&self) -> &'static [Confusion] {
         &[
-            Confusion { with: "gain_asymmetry", because: "unequal wheels also couple forward motion and turning; they do so at constant speed too" },
-            Confusion { with: "viscous_asymmetry", because: "without acceleration a coupling of the axes shows in steady motion only, which is friction's" },
+            Confusion {
+                with: "gain_asymmetry",
+                because: "unequal wheels also couple forward motion and turning; they do so at constant speed too",
+            },
+            Confusion {
+                with: "viscous_asymmetry",
+                because: "without acceleration a coupling of the axes shows in steady motion only, which is friction's",
+            },
         ]
     }
 

@@ -18,16 +18,25 @@
 //! | `encoder_quantisation` | measurement | speeds are whole counts over an interval |
 //! | `timestamp_jitter` | measurement | the stamps are off by chance |
 //! | `torque_saturation` | dynamics | the drives' force is limited |
+//! | `backlash` | dynamics | play in the gears of both wheels |
+//! | `castor_drag` | dynamics | the drag of a castor that swings round |
 //! | `coulomb_friction` | dynamics | dry friction of constant size at both wheels |
 //! | `coulomb_friction_one_wheel` | dynamics | dry friction at one wheel |
 //! | `direction_asymmetry` | dynamics | dry friction that differs forwards and backwards |
+//! | `lateral_com_offset` | dynamics | the centre of mass lies to one side |
+//! | `payload_change` | dynamics | mass and moment of inertia change at some time |
 //! | `quadratic_drag` | dynamics | drag with the square of speed |
 //! | `rolling_resistance` | dynamics | a constant force against forward motion that leaves turning alone |
+//! | `slope` | dynamics | a pull that depends on the heading |
 //! | `stribeck_friction` | dynamics | dry friction that is greater near standstill |
+//! | `turning_scrub` | dynamics | a resistance to turning that depends on speed |
 //! | `viscous_asymmetry` | dynamics | viscous friction that differs between wheels or directions |
+//! | `wheel_slip` | dynamics | the wheels slip while they push |
 
 mod actuator_lag;
+mod backlash;
 mod battery_sag;
+mod castor_drag;
 mod command_delay;
 mod command_offset;
 mod coulomb_friction;
@@ -39,20 +48,25 @@ mod force;
 mod gain_asymmetry;
 mod integral_action;
 mod late;
+mod lateral_com_offset;
 mod parts;
+mod payload_change;
 mod quadratic_drag;
 mod reading;
 mod rolling_resistance;
 mod sensor_delay;
 mod slew_limit;
+mod slope;
 mod stribeck_friction;
 mod timestamp_jitter;
 mod torque_saturation;
 mod track_width_error;
+mod turning_scrub;
 mod velocity_saturation;
 mod viscous_asymmetry;
 mod wheel_eccentricity;
 mod wheel_radius_mismatch;
+mod wheel_slip;
 mod words;
 
 use wheelwright_core::Effect;
@@ -60,7 +74,9 @@ use wheelwright_core::Effect;
 pub(crate) use words::digits;
 
 pub use actuator_lag::ActuatorLag;
+pub use backlash::Backlash;
 pub use battery_sag::BatterySag;
+pub use castor_drag::CastorDrag;
 pub use command_delay::CommandDelay;
 pub use command_offset::CommandOffset;
 pub use coulomb_friction::CoulombFriction;
@@ -71,19 +87,24 @@ pub use encoder_quantisation::EncoderQuantisation;
 pub use force::Wheel;
 pub use gain_asymmetry::GainAsymmetry;
 pub use integral_action::IntegralAction;
+pub use lateral_com_offset::LateralComOffset;
 pub use parts::Axis;
+pub use payload_change::PayloadChange;
 pub use quadratic_drag::QuadraticDrag;
 pub use rolling_resistance::RollingResistance;
 pub use sensor_delay::SensorDelay;
 pub use slew_limit::SlewLimit;
+pub use slope::Slope;
 pub use stribeck_friction::StribeckFriction;
 pub use timestamp_jitter::TimestampJitter;
 pub use torque_saturation::TorqueSaturation;
 pub use track_width_error::TrackWidthError;
+pub use turning_scrub::{ScrubLaw, TurningScrub};
 pub use velocity_saturation::VelocitySaturation;
 pub use viscous_asymmetry::{Between, ViscousAsymmetry};
 pub use wheel_eccentricity::WheelEccentricity;
 pub use wheel_radius_mismatch::WheelRadiusMismatch;
+pub use wheel_slip::{SlipLaw, WheelSlip};
 
 /// The built-in effects in the order in which they are tried; effects with a side or an axis stand once for each.
 pub fn library() -> Vec<Box<dyn Effect>> {
@@ -149,5 +170,14 @@ fn dynamics() -> Vec<Box<dyn Effect>> {
         Box::new(ViscousAsymmetry { between: Between::Wheels }),
         Box::new(ViscousAsymmetry { between: Between::Directions }),
         Box::new(QuadraticDrag {}),
+        Box::new(LateralComOffset {}),
+        Box::new(WheelSlip { law: SlipLaw::Creep }),
+        Box::new(WheelSlip { law: SlipLaw::Grip }),
+        Box::new(TurningScrub { law: ScrubLaw::Patch }),
+        Box::new(TurningScrub { law: ScrubLaw::Understeer }),
+        Box::new(CastorDrag {}),
+        Box::new(Slope {}),
+        Box::new(PayloadChange {}),
+        Box::new(Backlash {}),
     ]
 }

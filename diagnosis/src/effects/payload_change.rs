@@ -79,7 +79,7 @@ impl Effect for PayloadChange {
         let (first, last) = scene.scales.time;
         format!(
             "the load changed at {}, {} into the recording: from then on the robot accelerates {what}; the model's stayed the same",
-            quantity(values[0], "s"),
+            when(values[0]),
             percent((values[0].value - first) / (last - first)),
         )
     }
@@ -90,13 +90,20 @@ impl Effect for PayloadChange {
 
     fn confusions(&self) -> &'static [Confusion] {
         &[
-            Confusion { with: "battery_sag", because: "a drive that weakens with time accelerates less as well; a sag also lowers the steady speed, a load does not" },
-            Confusion { with: "theta1", because: "a change near either end leaves too little on one side, and the model's own inertia takes it up" },
+            Confusion {
+                with: "battery_sag",
+                because: "a drive that weakens with time accelerates less as well; a sag also lowers the steady speed, a load does not",
+            },
+            Confusion {
+                with: "theta1",
+                because: "a change near either end leaves too little on one side, and the model's own inertia takes it up",
+            },
         ]
     }
 
     fn next_switch(&self, p: &[f64], at: &Instant<'_>, _state: &[f64]) -> f64 {
-        if p[0] > at.time { p[0] } else { f64::INFINITY }
+        let changes = p[1..].iter().any(|change| *change != 0.0);
+        if changes && p[0] > at.time { p[0] } else { f64::INFINITY }
     }
 
     fn drive(&self, p: &[f64], at: &Instant<'_>, motion: &Motion<'_>, _state: &[f64], drive: &mut [f64]) {
@@ -113,5 +120,13 @@ impl Effect for PayloadChange {
         } else {
             drive.iter_mut().zip(&p[1..]).for_each(|(drive, change)| *drive /= 1.0 + change);
         }
+    }
+}
+
+/// A time to a hundredth of a second.
+fn when(time: Estimate) -> String {
+    match time.ci95 {
+        Some((from, to)) => format!("{:.2} s ({from:.2} to {to:.2})", time.value),
+        None => format!("{:.2} s", time.value),
     }
 }

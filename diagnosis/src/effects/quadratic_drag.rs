@@ -66,8 +66,12 @@ impl Effect for QuadraticDrag {
     fn statement(&self, values: &[Estimate], scene: &Scene) -> String {
         let parameters = self.parameters(scene);
         let part = |(p, value): (&EffectParameter, &Estimate)| {
-            let whose = p.label.as_ref().map_or("", |(_, which)| which.as_str());
-            format!("{} on {whose}", quantity(*value, &p.unit))
+            let against = match p.label.as_ref().map_or("", |(_, which)| which.as_str()) {
+                "v" => "forward motion",
+                "omega" => "turning",
+                other => other,
+            };
+            format!("{} against {against}", quantity(*value, &p.unit))
         };
         let all: Vec<String> = parameters.iter().zip(values).map(part).collect();
         let share = match scene.frame {

@@ -8,7 +8,7 @@ use wheelwright_core::Effect;
 use wheelwright_core::effect::{Confusion, EffectParameter, Estimate, Frame, Instant, Scene, Stage, Start};
 
 use super::force;
-use super::words::{digits, percent, quantity};
+use super::words::{percent, quantity};
 
 /// A slope.
 #[derive(Debug, Clone, Default, Serialize, Deserialize)]
@@ -66,7 +66,7 @@ impl Effect for Slope {
             (Frame::Channels, _) => String::new(),
         };
         format!(
-            "the ground slopes: driving uphill, at a heading of {:.0} degrees, uses up {} of the command, {} of what is typical here{turns}; the model's ground was level",
+            "the ground slopes: driving uphill, at a heading of {:.0} degrees, uses up {}, {} of a typical command{turns}; the model's ground was level",
             uphill.to_degrees(),
             quantity(Estimate { value: pull, ci95 }, force::unit(scene)),
             percent(pull / force::command(scene, 0)),
@@ -80,8 +80,14 @@ impl Effect for Slope {
     fn confusions(&self) -> &'static [Confusion] {
         &[
             Confusion { with: "command_offset", because: "while the heading stays the same, a slope is a constant offset" },
-            Confusion { with: "rolling_resistance", because: "while the robot drives one way at one heading, either is a constant offset of the command" },
-            Confusion { with: "theta4", because: "while heading and speed stay the same, a constant loss looks like one proportional to speed" },
+            Confusion {
+                with: "rolling_resistance",
+                because: "while the robot drives one way at one heading, either is a constant offset of the command",
+            },
+            Confusion {
+                with: "theta4",
+                because: "while heading and speed stay the same, a constant loss looks like one proportional to speed",
+            },
         ]
     }
 

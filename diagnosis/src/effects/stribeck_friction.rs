@@ -54,7 +54,7 @@ impl Effect for StribeckFriction {
 
     fn statement(&self, values: &[Estimate], scene: &Scene) -> String {
         format!(
-            "dry friction at each wheel uses up {} while it rolls and {} more near standstill, gone above {}; the model had none",
+            "dry friction at each wheel uses up {}, while it rolls and {} more near standstill, gone above {}; the model had none",
             force::in_words(values[0], scene),
             quantity(values[1], force::unit(scene)),
             quantity(values[2], "m/s")

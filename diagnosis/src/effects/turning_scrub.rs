@@ -14,7 +14,7 @@ use wheelwright_core::Effect;
 use wheelwright_core::effect::{Confusion, EffectParameter, Estimate, Frame, Instant, Scene, Stage, Start};
 
 use super::force;
-use super::words::{KINK, percent, quantity, scaled};
+use super::words::{KINK, digits, quantity, scaled};
 
 /// How the resistance depends on speed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
@@ -92,11 +92,11 @@ impl Effect for TurningScrub {
             ),
             ScrubLaw::Understeer => {
                 let speed = scene.scales.speed;
-                let at_typical = |k: f64| k * speed * speed * if matches!(scene.frame, Frame::Sides { .. }) { h } else { 1.0 };
+                let share = scaled(values[0], |k| 100.0 * k * speed.powi(3) / force::command(scene, 0));
                 format!(
-                    "turning gets harder with speed: at {} it uses up {} more of the turning command; the model's turning did not depend on speed",
-                    quantity(Estimate { value: speed, ci95: None }, "m/s"),
-                    percent(at_typical(values[0].value) * speed / force::command(scene, 0)),
+                    "turning gets harder with speed: at {} m/s it uses up {} more of the command than slowly; the model's turning did not depend on speed",
+                    digits(speed),
+                    quantity(share, "%"),
                 )
             }
         }
@@ -109,15 +109,27 @@ impl Effect for TurningScrub {
     fn confusions(&self) -> &'static [Confusion] {
         match self.law {
             ScrubLaw::Patch => &[
-                Confusion { with: "coulomb_friction", because: "turning in place is braked by both alike; only friction at the wheels also brakes straight driving" },
+                Confusion {
+                    with: "coulomb_friction",
+                    because: "turning in place is braked by both alike; only friction at the wheels also brakes straight driving",
+                },
                 Confusion { with: "castor_drag", because: "a castor that swings round resists the turn as a patch does" },
-                Confusion { with: "theta6", because: "at one forward speed, or fast, the moment is nearly proportional to the turning rate" },
-                Confusion { with: "track_width_error", because: "a robot that turns less than its wheels say may as well have a wider track" },
+                Confusion {
+                    with: "theta6",
+                    because: "at one forward speed, or fast, the moment is nearly proportional to the turning rate",
+                },
+                Confusion {
+                    with: "track_width_error",
+                    because: "a robot that turns less than its wheels say may as well have a wider track",
+                },
             ],
             ScrubLaw::Understeer => &[
                 Confusion { with: "theta6", because: "at one forward speed it is viscous friction of turning" },
                 Confusion { with: "quadratic_drag", because: "while turning rate and speed go together, either grows with their product" },
-                Confusion { with: "castor_drag", because: "without stops and reversals a dragging castor also turns with curvature and speed" },
+                Confusion {
+                    with: "castor_drag",
+                    because: "without stops and reversals a dragging castor also turns with curvature and speed",
+                },
             ],
         }
     }

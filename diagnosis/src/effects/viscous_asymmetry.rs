@@ -77,11 +77,9 @@ impl Effect for ViscousAsymmetry {
         };
         let difference = scaled(values[0], |a| 2.0 * a * values[0].value.signum());
         format!(
-            "resistance that grows with speed is greater {more} than {less}, by {} {} for each m/s; the model had them equal",
-            quantity(difference, ""),
-            force::unit(scene)
+            "resistance that grows with speed is greater {more} than {less}, by {} for each m/s; the model had them equal",
+            quantity(difference, force::unit(scene))
         )
-        .replace("  ", " ")
     }
 
     fn excitation(&self) -> &'static str {

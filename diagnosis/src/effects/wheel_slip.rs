@@ -11,7 +11,7 @@ use wheelwright_core::Effect;
 use wheelwright_core::effect::{Confusion, EffectParameter, Estimate, Frame, Instant, Motion, Scene, Stage, Start};
 
 use super::force;
-use super::words::{digits, percent, quantity};
+use super::words::{digits, quantity, scaled};
 
 /// What slips.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
@@ -80,10 +80,9 @@ impl Effect for WheelSlip {
         let speed = scene.scales.speed;
         match self.law {
             SlipLaw::Creep => format!(
-                "the wheels creep on the ground by {} of force and speed: at {} m/s the robot follows its wheels {} more slowly than at rest; the model's wheels rolled without slip",
-                quantity(values[0], "s/m"),
+                "the wheels creep on the ground: at {} m/s the robot follows them {} more slowly than at rest; the model's wheels rolled without slip",
                 digits(speed),
-                percent(values[0].value * speed)
+                quantity(scaled(values[0], |creep| 100.0 * creep * speed), "%"),
             ),
             SlipLaw::Grip => format!(
                 "the wheels slip when the robot is to accelerate by more than {}, a friction coefficient of {} if they carry all of its weight; the model's wheels held always",
@@ -108,8 +107,14 @@ impl Effect for WheelSlip {
                 Confusion { with: "slew_limit", because: "either makes fast robots follow slowly when steps are large" },
             ],
             SlipLaw::Grip => &[
-                Confusion { with: "torque_saturation", because: "the ground or the motor may be what gives way; only the wheels' own speeds tell" },
-                Confusion { with: "slew_limit", because: "a command that rises slowly and a robot that cannot accelerate look alike in steps" },
+                Confusion {
+                    with: "torque_saturation",
+                    because: "the ground or the motor may be what gives way; only the wheels' own speeds tell",
+                },
+                Confusion {
+                    with: "slew_limit",
+                    because: "a command that rises slowly and a robot that cannot accelerate look alike in steps",
+                },
             ],
         }
     }
