@@ -96,6 +96,6 @@ fn errors_say_what_is_wrong() {
 #[test]
 fn sets_are_listed() {
     let said = String::from_utf8(concealed(1, &["sets"]).stdout).unwrap();
-    assert_eq!(said.lines().count(), 6);
+    assert_eq!(said.lines().count(), 7);
     assert!(said.contains("outside"));
 }

@@ -19,7 +19,7 @@ fn drive() -> Vec<Command> {
     (0..1200)
         .map(|k| {
             let t = 0.05 * f64::from(k);
-            let step = if (t / 3.0) as usize % 2 == 0 { 1.0 } else { -0.4 };
+            let step = if ((t / 3.0) as usize).is_multiple_of(2) { 1.0 } else { -0.4 };
             Command { t, v: 0.4 * step + 0.1 * (2.0 * t).sin(), omega: 0.7 * (0.9 * t).sin() - 0.3 * step }
         })
         .collect()

@@ -16,6 +16,7 @@ pub mod resistance;
 use crate::draw::robot::Machine;
 use crate::firmware::Command;
 use crate::plant::{LEFT, RIGHT};
+use crate::sensors::Source;
 use rand::Rng;
 use rand::rngs::StdRng;
 use serde_json::{Map, Value};
@@ -33,41 +34,43 @@ pub struct Effect {
     pub name: &'static str,
     /// Parts of the robot it takes; two effects that take the same part are never combined.
     pub takes: &'static [&'static str],
+    /// Where speeds must be measured for it to show.
+    pub seen: Option<Source>,
     /// How it is hidden.
     pub hide: Hide,
 }
 
 /// All effects of the contract's section 5, in its order.
 pub const EFFECTS: [Effect; 29] = [
-    Effect { name: "coulomb_friction", takes: &["dry"], hide: friction::coulomb },
-    Effect { name: "coulomb_friction_one_wheel", takes: &["dry"], hide: friction::one_wheel },
-    Effect { name: "stribeck_friction", takes: &["dry"], hide: friction::stribeck },
-    Effect { name: "rolling_resistance", takes: &["dry"], hide: friction::rolling },
-    Effect { name: "viscous_asymmetry", takes: &["side"], hide: friction::viscous_asymmetry },
-    Effect { name: "direction_asymmetry", takes: &["dry"], hide: friction::direction },
-    Effect { name: "quadratic_drag", takes: &["air"], hide: resistance::quadratic },
-    Effect { name: "dead_zone", takes: &["small"], hide: command::dead_zone },
-    Effect { name: "velocity_saturation", takes: &["large"], hide: command::velocity_saturation },
-    Effect { name: "slew_limit", takes: &["ramp"], hide: command::slew_limit },
-    Effect { name: "torque_saturation", takes: &["ramp", "torque"], hide: power::torque_saturation },
-    Effect { name: "command_delay", takes: &["late"], hide: command::delay },
-    Effect { name: "actuator_lag", takes: &["late"], hide: command::lag },
-    Effect { name: "integral_action", takes: &["integral"], hide: command::integral },
-    Effect { name: "gain_asymmetry", takes: &["side"], hide: command::gain_asymmetry },
-    Effect { name: "wheel_radius_mismatch", takes: &["side", "body"], hide: build::radius_mismatch },
-    Effect { name: "track_width_error", takes: &["track", "body"], hide: build::track_error },
-    Effect { name: "lateral_com_offset", takes: &["mass"], hide: build::lateral_com },
-    Effect { name: "wheel_slip", takes: &["ground", "body"], hide: build::slip },
-    Effect { name: "turning_scrub", takes: &["scrub"], hide: resistance::scrub },
-    Effect { name: "castor_drag", takes: &["castor"], hide: resistance::castor },
-    Effect { name: "slope", takes: &["slope"], hide: resistance::slope },
-    Effect { name: "payload_change", takes: &["mass", "time"], hide: build::payload },
-    Effect { name: "battery_sag", takes: &["time"], hide: power::sag },
-    Effect { name: "backlash", takes: &["gear"], hide: build::backlash },
-    Effect { name: "wheel_eccentricity", takes: &["round", "body"], hide: build::eccentricity },
-    Effect { name: "encoder_quantisation", takes: &["late", "body", "stamps"], hide: measuring::quantisation },
-    Effect { name: "timestamp_jitter", takes: &["stamps"], hide: measuring::jitter },
-    Effect { name: "sensor_delay", takes: &["late"], hide: measuring::delay },
+    Effect { name: "coulomb_friction", takes: &["dry"], seen: None, hide: friction::coulomb },
+    Effect { name: "coulomb_friction_one_wheel", takes: &["dry"], seen: None, hide: friction::one_wheel },
+    Effect { name: "stribeck_friction", takes: &["dry"], seen: None, hide: friction::stribeck },
+    Effect { name: "rolling_resistance", takes: &["dry"], seen: None, hide: friction::rolling },
+    Effect { name: "viscous_asymmetry", takes: &["side"], seen: None, hide: friction::viscous_asymmetry },
+    Effect { name: "direction_asymmetry", takes: &["dry"], seen: None, hide: friction::direction },
+    Effect { name: "quadratic_drag", takes: &["air"], seen: None, hide: resistance::quadratic },
+    Effect { name: "dead_zone", takes: &["small"], seen: None, hide: command::dead_zone },
+    Effect { name: "velocity_saturation", takes: &["large"], seen: None, hide: command::velocity_saturation },
+    Effect { name: "slew_limit", takes: &["ramp"], seen: None, hide: command::slew_limit },
+    Effect { name: "torque_saturation", takes: &["ramp", "torque"], seen: None, hide: power::torque_saturation },
+    Effect { name: "command_delay", takes: &["late"], seen: None, hide: command::delay },
+    Effect { name: "actuator_lag", takes: &["late"], seen: None, hide: command::lag },
+    Effect { name: "integral_action", takes: &["integral"], seen: None, hide: command::integral },
+    Effect { name: "gain_asymmetry", takes: &["side"], seen: None, hide: command::gain_asymmetry },
+    Effect { name: "wheel_radius_mismatch", takes: &["side"], seen: Some(Source::Body), hide: build::radius_mismatch },
+    Effect { name: "track_width_error", takes: &["track"], seen: Some(Source::Body), hide: build::track_error },
+    Effect { name: "lateral_com_offset", takes: &["mass"], seen: None, hide: build::lateral_com },
+    Effect { name: "wheel_slip", takes: &["ground"], seen: Some(Source::Body), hide: build::slip },
+    Effect { name: "turning_scrub", takes: &["scrub"], seen: None, hide: resistance::scrub },
+    Effect { name: "castor_drag", takes: &["castor"], seen: None, hide: resistance::castor },
+    Effect { name: "slope", takes: &["slope"], seen: None, hide: resistance::slope },
+    Effect { name: "payload_change", takes: &["mass", "time"], seen: None, hide: build::payload },
+    Effect { name: "battery_sag", takes: &["time"], seen: None, hide: power::sag },
+    Effect { name: "backlash", takes: &["gear"], seen: None, hide: build::backlash },
+    Effect { name: "wheel_eccentricity", takes: &["round"], seen: Some(Source::Body), hide: build::eccentricity },
+    Effect { name: "encoder_quantisation", takes: &["late", "stamps"], seen: Some(Source::Wheels), hide: measuring::quantisation },
+    Effect { name: "timestamp_jitter", takes: &["stamps"], seen: None, hide: measuring::jitter },
+    Effect { name: "sensor_delay", takes: &["late"], seen: None, hide: measuring::delay },
 ];
 
 /// The effect of a name.
@@ -77,7 +80,8 @@ pub fn effect(name: &str) -> Option<&'static Effect> {
 
 /// Whether two effects can be hidden together.
 pub fn combine(a: &Effect, b: &Effect) -> bool {
-    !a.takes.iter().any(|part| b.takes.contains(part))
+    let seen_alike = a.seen.is_none() || b.seen.is_none() || a.seen == b.seen;
+    seen_alike && !a.takes.iter().any(|part| b.takes.contains(part))
 }
 
 /// A robot about to be changed, and what it will be asked to do.

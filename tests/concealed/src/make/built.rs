@@ -3,7 +3,7 @@
 //! One clock runs through a case: the first recording begins at zero, the second begins [`PAUSE`] seconds after the first has ended, a further
 //! drive as much later again. What changes with time (a load put on, a battery) goes on across them. Each drive begins at rest on the same mark.
 
-use super::recipe::Recipe;
+use super::recipe::{Recipe, Sort};
 use crate::draw::robot::Machine;
 use crate::draw::stream;
 use crate::firmware::Command;
@@ -14,6 +14,7 @@ use crate::hidden::{Demands, Parameters, Subject, demands, effect};
 use crate::referee::lumped::Lumped;
 use crate::sensors::trace::Trace;
 use rand::Rng;
+use rand::rngs::StdRng;
 use std::f64::consts::PI;
 
 /// Time between two drives of a case [s].
@@ -35,6 +36,8 @@ pub struct Built {
     pub known: Known,
     /// Commands of the two recordings.
     pub commands: [Vec<Command>; 2],
+    /// Commands as they are written: the same, unless they are another drive's.
+    pub written: [Vec<Command>; 2],
     /// Heading of the mark on which each drive begins [rad].
     pub heading: f64,
 }
@@ -51,11 +54,21 @@ impl Built {
     pub fn new(recipe: &Recipe, leave: Option<usize>) -> Built {
         let plain = Machine::draw(recipe.kind, recipe.style, &mut recipe.chance(2));
         let starts = [0.0, recipe.length[0] + PAUSE];
+        let draw =
+            |rows: &[f64], k: usize, rng: &mut StdRng| recipe.manner[k].commands(rows, plain.typical, plain.firmware.half_track, rng);
         let commands = [0, 1].map(|k| {
             let rng = &mut recipe.chance(3 + k as u64);
             let rows = stamps(starts[k], recipe.length[k], recipe.rate, recipe.lost, rng);
-            recipe.manner[k].commands(&rows, plain.typical, plain.firmware.half_track, rng)
+            draw(&rows, k, rng)
         });
+        let written = if recipe.sort == Sort::Stranger {
+            [0, 1].map(|k| {
+                let rows: Vec<f64> = commands[k].iter().map(|c| c.t).collect();
+                draw(&rows, k, &mut recipe.chance(40 + k as u64))
+            })
+        } else {
+            commands.clone()
+        };
         let mut machine = plain.clone();
         let asked = demands(&plain, &commands[0]);
         let mut parameters = Vec::new();
@@ -76,7 +89,7 @@ impl Built {
             known = (OUTSIDE[which].hide)(&mut subject(recipe, &mut machine, strength, asked), &mut recipe.chance(30));
         }
         let heading = recipe.chance(5).random_range(-PI..PI);
-        Built { plain, machine, parameters, known, commands, heading }
+        Built { plain, machine, parameters, known, commands, written, heading }
     }
 
     /// Drives the robot through commands; `purpose` chooses the luck of its messages.
@@ -110,7 +123,7 @@ impl Built {
     }
 
     /// A generator apart from all of the case's own, for noise of further drives.
-    pub fn further_chance(recipe: &Recipe, words: u64) -> rand::rngs::StdRng {
+    pub fn further_chance(recipe: &Recipe, words: u64) -> StdRng {
         stream(recipe.origin.seed, &[recipe.origin.index as u64, 0xd41e, words])
     }
 }

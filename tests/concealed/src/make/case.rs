@@ -96,8 +96,8 @@ pub fn make(name: &str, recipe: &Recipe) -> Case {
 
     let extra = Extra { pose: recipe.pose.0, wrapped: recipe.pose.1, wheels: recipe.wheels };
     let mut files = vec![
-        ("train.csv", write(&built.commands[0], &train.noisy, extra)),
-        ("validate.csv", write(&built.commands[1], &validate.noisy, extra)),
+        ("train.csv", write(&built.written[0], &train.noisy, extra)),
+        ("validate.csv", write(&built.written[1], &validate.noisy, extra)),
     ];
     if recipe.profile {
         files.push(("robot.toml", profile(&built, &mut recipe.chance(12))));
@@ -119,7 +119,7 @@ fn entry(name: &str, recipe: &Recipe, built: &Built, train: &Recording, validate
     let rim = sigma.wheel * built.plain.firmware.radius;
     let weights = Weights { sigma: vec![sigma.twist[0], sigma.twist[1], rim, rim], memory: recipe.noise.memory() };
     let half_track = recipe.wheels.then_some(built.plain.firmware.half_track);
-    let scene = Scene { commands: &built.commands[0], seen: &seen, weights: &weights, half_track };
+    let scene = Scene { commands: &built.written[0], seen: &seen, weights: &weights, half_track };
     let left = left_over(&scene, built.lumped());
     let ratio = left.ratio + scatter(recipe, built, &train.foreseen, sigma);
     let truth: Vec<Truth> =
@@ -131,7 +131,10 @@ fn entry(name: &str, recipe: &Recipe, built: &Built, train: &Recording, validate
         kind: recipe.sort.word().to_owned(),
         truth,
         acceptable: same(recipe, built, train, sigma),
-        outside: recipe.outside.map(|(which, _)| OUTSIDE[which].words.to_owned()),
+        outside: match recipe.outside {
+            Some((which, _)) => Some(OUTSIDE[which].words.to_owned()),
+            None => (recipe.sort == Sort::Stranger).then(|| "the commands written are those of another drive".to_owned()),
+        },
         form: recipe.effects.iter().find_map(|e| e.form).map(|f| FORMS[f].words.to_owned()),
         robot: recipe.kind.word().to_owned(),
         excitation: recipe.manner[0].word().to_owned(),

@@ -22,12 +22,13 @@ const MIXED: [Sort; 20] = {
 };
 
 /// All sets.
-pub const SETS: [Set; 6] = [
+pub const SETS: [Set; 7] = [
     Set { name: "nulls", words: "nothing hidden: all noises, drives, robots and rates", sorts: &[Sort::Nothing] },
     Set { name: "singles", words: "one effect of the contract each, strengths 0.1 to 1, all 29 in turn", sorts: &[Sort::Single] },
     Set { name: "pairs", words: "two effects each, strengths 0.2 to 1, of all that go together", sorts: &[Sort::Pair] },
     Set { name: "forms", words: "one effect each in another physical form than usual", sorts: &[Sort::OtherForm] },
     Set { name: "outside", words: "a cause each that no library holds", sorts: &[Sort::Outside] },
+    Set { name: "strangers", words: "a control: the commands written are those of another drive of the robot", sorts: &[Sort::Stranger] },
     Set { name: "mixed", words: "20 % nothing, 40 % one effect, 15 % two, 10 % other forms, 15 % outside", sorts: &MIXED },
 ];
 

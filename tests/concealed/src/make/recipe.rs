@@ -36,6 +36,8 @@ pub enum Sort {
     OtherForm,
     /// A cause outside the library.
     Outside,
+    /// The commands written are those of another drive.
+    Stranger,
 }
 
 impl Sort {
@@ -46,7 +48,7 @@ impl Sort {
             Sort::Single => "single",
             Sort::Pair => "pair",
             Sort::OtherForm => "other_form",
-            Sort::Outside => "outside",
+            Sort::Outside | Sort::Stranger => "outside",
         }
     }
 }
@@ -99,7 +101,7 @@ impl Recipe {
         let index = turn + (stream(origin.seed, &[word_number(&origin.set)]).random::<u32>() % 1000) as usize;
         let strength = *pick(rng, &STRENGTHS);
         let effects = match sort {
-            Sort::Nothing | Sort::Outside => Vec::new(),
+            Sort::Nothing | Sort::Outside | Sort::Stranger => Vec::new(),
             Sort::Single => vec![Ingredient { name: EFFECTS[index % EFFECTS.len()].name, form: None, strength }],
             Sort::Pair => pair(rng),
             Sort::OtherForm => {
