@@ -5,8 +5,8 @@ use toml::{Table, Value};
 use wheelwright_core::config::{self, ConfigError};
 use wheelwright_core::effect::Effect;
 use wheelwright_core::excitation::Excitation;
-use wheelwright_core::model::{ModelError, RegressorModel};
-use wheelwright_core::robot::{Robot, RobotError};
+use wheelwright_core::model::{ModelConfig, ModelError, RegressorModel};
+use wheelwright_core::robot::{Robot, RobotConfig, RobotError};
 use wheelwright_core::solver::Solver;
 use wheelwright_plugin::{Kind, Listed};
 
@@ -124,9 +124,13 @@ impl Registry {
 
     fn loadable(&self, kind: Kind) -> Vec<Entry> {
         let entry = |l: Listed| Entry {
-            name: l.name,
-            about: l.about,
+            about: match kind {
+                _ if !l.about.is_empty() || l.library.is_some() => l.about,
+                Kind::Robot => describe::<dyn RobotConfig>(&l.name, |r| r.about()),
+                _ => describe::<dyn ModelConfig>(&l.name, |m| m.about()),
+            },
             source: l.library.map_or_else(|| BUILT_IN.to_owned(), |path| path.display().to_string()),
+            name: l.name,
         };
         self.loadable.list().into_iter().filter(|l| l.kind == kind).map(entry).collect()
     }
@@ -135,15 +139,25 @@ impl Registry {
 /// The source of what no library brought.
 const BUILT_IN: &str = "built-in";
 
-/// What typetag knows of a trait. A plugin that cannot be made without settings tells what it lacks instead of what it is.
+/// What built-ins that cannot be made from their name alone need besides, to be asked what they are.
+const LEAST_SETTINGS: [(&str, &str); 1] = [("simulator", "robot = \"pioneer-3dx\"")];
+
+/// What a built-in says of itself; what it lacks, if it is not made of what is known here.
+fn describe<T: ?Sized>(name: &str, about: impl Fn(&T) -> String) -> String
+where
+    Box<T>: DeserializeOwned,
+{
+    let settings = LEAST_SETTINGS.iter().find(|(known, _)| *known == name).and_then(|(_, text)| text.parse::<Table>().ok());
+    let mut table = settings.unwrap_or_default();
+    table.insert("type".to_owned(), Value::String(name.to_owned()));
+    config::tagged::<Box<T>>(table).map_or_else(|e| format!("needs settings: {e}"), |plugin| about(&plugin))
+}
+
+/// What typetag knows of a trait.
 fn built_in<T: ?Sized>(about: impl Fn(&T) -> String) -> Vec<Entry>
 where
     Box<T>: DeserializeOwned,
 {
-    let describe = |name: &String| {
-        let table = Table::from_iter([("type".to_owned(), Value::String(name.clone()))]);
-        config::tagged::<Box<T>>(table).map_or_else(|e| format!("needs settings: {e}"), |plugin| about(&plugin))
-    };
-    let entry = |name: String| Entry { about: describe(&name), name, source: BUILT_IN.to_owned() };
+    let entry = |name: String| Entry { about: describe::<T>(&name, &about), name, source: BUILT_IN.to_owned() };
     config::names::<Box<T>>().into_iter().map(entry).collect()
 }

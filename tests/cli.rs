@@ -163,6 +163,10 @@ fn a_replay_shows_parameters_over_time_and_ends_where_the_solver_does() {
 fn every_built_in_is_linked_and_listed() {
     let document = json(&["plugins"]);
     let names = |kind: &str| document[kind].as_array().unwrap().iter().map(|p| p["name"].as_str().unwrap().to_owned()).collect::<Vec<_>>();
+    for built_in in ["models", "robots", "solvers", "excitations"].iter().flat_map(|kind| document[*kind].as_array().unwrap()) {
+        let about = built_in["about"].as_str().unwrap();
+        assert!(!about.is_empty() && !about.contains("needs settings"), "{built_in}");
+    }
     assert_eq!(names("models"), ["expression", "vw-pd", "wheel-pd", "wheel-voltage"]);
     assert_eq!(names("robots"), ["simulator"]);
     for solver in ["box", "iv", "ols", "output-error", "recursive", "robust", "steady-state", "thesis"] {
