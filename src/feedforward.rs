@@ -10,6 +10,7 @@ use std::fmt::Write;
 use serde::Serialize;
 use wheelwright_core::effect::{Effect, Instant, Scene, Stage, Track};
 use wheelwright_core::model::{ModelError, RegressorModel};
+use wheelwright_core::simulation::Readout;
 use wheelwright_core::{Dataset, Stretch};
 use wheelwright_diagnosis::Diagnosis;
 
@@ -164,7 +165,15 @@ impl<'a> Bench<'a> {
 
     /// What is to be added to the base model's steady input so that the outputs are held.
     fn added(&self, model: &dyn RegressorModel, theta: &[f64], effects: &[&LoadedEffect], x: &[f64]) -> Result<Vec<f64>, ModelError> {
-        let at = Instant { time: self.stretch.time[0], span: 0.0, row: 0, stretch: &self.stretch, track: &self.track, scene: self.scene };
+        let at = Instant {
+            time: self.stretch.time[0],
+            span: 0.0,
+            row: 0,
+            stretch: &self.stretch,
+            track: &self.track,
+            scene: self.scene,
+            readout: Readout::default(),
+        };
         let steady = steady_input(model, theta, x)?;
         let mut load = vec![0.0; self.inputs];
         for l in effects.iter().filter(|l| l.effect.stage() == Stage::Load) {
