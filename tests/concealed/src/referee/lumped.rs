@@ -120,7 +120,8 @@ pub fn fit(start: Lumped, commands: &[Command], seen: &Speeds, half_track: Optio
             }
             damping *= 10.0;
         }
-        if gained <= 1e-6 * (best + 1e-3) {
+        // A ten-thousandth of what is left is more than the number is worth.
+        if gained <= 1e-4 * best + 1e-9 {
             break;
         }
     }
