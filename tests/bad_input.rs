@@ -292,9 +292,89 @@ fn configurations() -> Vec<Case> {
             &["fit.validate.v", "100.5"],
         ),
         case("gate on nothing", vec![("log.csv", good())], "identify log.csv --require fit.validate.z=1", 2, &["fit.validate.z"]),
+        case(
+            "effect that the library does not have",
+            vec![("log.csv", good())],
+            "diagnose log.csv --without coulomb_frction",
+            2,
+            &["--without coulomb_frction", "did you mean `coulomb_friction`", "wheelwright plugins"],
+        ),
+        case("fixed without a simulation", vec![("log.csv", good())], "diagnose log.csv --fixed", 2, &["--sim"]),
+        case("simulation that is not there", vec![("log.csv", good())], "diagnose log.csv --sim gone.toml", 2, &["gone.toml"]),
+        case(
+            "effect of a model file with a wrong parameter",
+            vec![("log.csv", good()), ("m.toml", model_file("friktion", "0.02"))],
+            "simulate m.toml --commands log.csv",
+            2,
+            &["m.toml", "effect[0].parameter", "no parameter `friktion`", "`friction`"],
+        ),
+        case(
+            "effect of a model file out of bounds",
+            vec![("log.csv", good()), ("m.toml", model_file("friction", "-0.02"))],
+            "simulate m.toml --commands log.csv",
+            2,
+            &["m.toml", "effect[0].parameter", "-0.02, outside 0 to inf"],
+        ),
+        case(
+            "files to write without a folder",
+            vec![("log.csv", good())],
+            "diagnose log.csv --compensate",
+            2,
+            &["--compensate", "--out DIR"],
+        ),
+        case("folder without a case", vec![("cases/readme.txt", text("hello"))], "trial cases --answers a", 2, &["cases", "train.csv"]),
+        case(
+            "seal that is no hash",
+            vec![("cases/c1/train.csv", good())],
+            "trial cases --answers a --seal abc",
+            2,
+            &["--seal abc", "64 hexadecimal digits"],
+        ),
+        case(
+            "key that is no key",
+            vec![("a/c1.json", text("{}")), ("key.json", text("{\"schema\": \"x\", \"cases\": []}"))],
+            "score a --key key.json",
+            2,
+            &["key.json", "wheelwright.key/1"],
+        ),
+        case(
+            "answer that is none",
+            vec![("a/c1.json", text("{}")), ("key.json", text("{\"schema\": \"wheelwright.key/1\", \"cases\": []}"))],
+            "score a --key key.json",
+            2,
+            &["c1.json", "missing field `case`"],
+        ),
+        run_case(
+            "table of commands beside its file",
+            &format!("{ROBOT}[excitation]\ntype = \"table\"\nfile = \"next.csv\"\ntime = [0.0]\n"),
+            2,
+            &["excitation.file", "`time` or `commands`"],
+        ),
+        run_case(
+            "table of commands whose file is gone",
+            &format!("{ROBOT}[excitation]\ntype = \"table\"\nfile = \"gone.csv\"\n"),
+            2,
+            &["gone.csv", "No such file"],
+        ),
         case("unknown command", vec![], "identfy log.csv", 2, &["identfy", "identify"]),
         case("unknown option", vec![], "identify --speed 3", 2, &["--speed"]),
     ]
+}
+
+/// A model file with friction, of which one parameter is as given.
+fn model_file(name: &str, value: &str) -> Vec<u8> {
+    let theta: String = [0.2, 0.2, 0.0, 1.0, 0.0, 1.0]
+        .iter()
+        .enumerate()
+        .map(|(i, v)| format!("[[parameter]]\nname = \"theta{}\"\nvalue = {v:?}\n", i + 1))
+        .collect();
+    let scene = "[scene]\ntrack_width = 0.34\ninputs_rms = [0.4, 0.5]\ninputs_largest = [0.7, 0.9]\noutputs_rms = [0.4, 0.5]\n\
+                 command_rms = 0.4\ncommand_largest = 0.8\nspeed_rms = 0.4\ntime = [0.0, 40.0]\nperiod = 0.05\n";
+    let effect = format!(
+        "[[effect]]\ntype = \"coulomb_friction\"\n[[effect.parameter]]\nname = \"{name}\"\nvalue = {value}\n\
+         [[effect.parameter]]\nname = \"turning_ratio\"\nvalue = 1.0\n"
+    );
+    text(&format!("schema = \"wheelwright.model/1\"\n{scene}[model]\ntype = \"vw-pd\"\n{theta}{effect}"))
 }
 
 fn too_little() -> Vec<Case> {
