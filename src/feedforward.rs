@@ -172,7 +172,7 @@ impl<'a> Bench<'a> {
             stretch: &self.stretch,
             track: &self.track,
             scene: self.scene,
-            readout: Readout::default(),
+            readout: Readout::Instantaneous,
         };
         let steady = steady_input(model, theta, x)?;
         let mut load = vec![0.0; self.inputs];

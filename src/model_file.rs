@@ -29,6 +29,7 @@ use wheelwright_core::effect::{Effect, EffectParameter, Frame, Scales, Scene};
 use wheelwright_core::identification::Identification;
 use wheelwright_core::model::RegressorModel;
 use wheelwright_core::profile::RobotProfile;
+use wheelwright_core::simulation::Readout;
 use wheelwright_diagnosis::finding::{Diagnosis, Finding, FoundParameter};
 
 use crate::error::Error;
@@ -85,6 +86,9 @@ pub struct SceneFile {
     pub time: (f64, f64),
     /// Median step between samples \[s\].
     pub period: f64,
+    /// True where the recorded velocities are means since the sample before.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub interval_mean: bool,
 }
 
 /// An effect: `type` and settings of the plugin, and its parameters.
@@ -175,7 +179,7 @@ impl ModelFile {
         });
         let entry = |finding: &Finding| EffectEntry::of(finding, &found.scene, registry);
         let effect = found.effects.iter().map(entry).collect::<Result<Vec<_>, _>>()?;
-        let scene = (!effect.is_empty()).then(|| SceneFile::of(&found.scene));
+        let scene = (!effect.is_empty() || found.readout != Readout::default()).then(|| SceneFile::of(&found.scene, found.readout));
         Ok(Self { schema: SCHEMA.to_owned(), robot, model: model.clone(), parameter: parameter.collect(), scene, effect })
     }
 
@@ -234,6 +238,11 @@ impl ModelFile {
         Ok(Scene { scales: file.scales(), ..fresh })
     }
 
+    /// How recorded velocities are to be simulated.
+    pub fn readout(&self) -> Readout {
+        if self.scene.as_ref().is_some_and(|s| s.interval_mean) { Readout::IntervalMean } else { Readout::Instantaneous }
+    }
+
     /// The file's text.
     pub fn to_toml(&self) -> String {
         // A struct of plain values and string-keyed tables always has a TOML form.
@@ -242,7 +251,7 @@ impl ModelFile {
 }
 
 impl SceneFile {
-    fn of(scene: &Scene) -> Self {
+    fn of(scene: &Scene, readout: Readout) -> Self {
         let Scales { inputs, largest, outputs, command, largest_command, speed, time, period } = scene.scales.clone();
         Self {
             track_width: Some(2.0 * scene.frame.half_track()).filter(|w| w.is_finite()),
@@ -255,6 +264,7 @@ impl SceneFile {
             speed_rms: speed,
             time,
             period,
+            interval_mean: readout == Readout::IntervalMean,
         }
     }
 

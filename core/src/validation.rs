@@ -3,7 +3,7 @@
 use crate::dataset::{Dataset, Stretch};
 use crate::effect::{Effect, EffectSimulator, Scene};
 use crate::model::{ModelError, RegressorModel};
-use crate::simulation::Simulator;
+use crate::simulation::{Readout, Simulator};
 
 /// A stretch beside its free-run simulation.
 #[derive(Debug, Clone, PartialEq)]
@@ -36,7 +36,8 @@ pub fn validate(model: &dyn RegressorModel, theta: &[f64], data: &Dataset) -> Re
     Ok(compare(data, |_, stretch, initial, simulated| simulator.run(stretch, initial, simulated)))
 }
 
-/// The same with effects beside the model and their values one effect after the other; `scene` is one of `data`.
+/// The same with effects beside the model and their values one effect after the other, recorded as `readout` says; `scene` is
+/// one of `data`.
 ///
 /// # Errors
 /// [`ModelError`] if the model cannot be simulated at all.
@@ -45,10 +46,10 @@ pub fn validate_with_effects(
     theta: &[f64],
     effects: &[&dyn Effect],
     values: &[f64],
-    scene: &Scene,
+    (scene, readout): (&Scene, Readout),
     data: &Dataset,
 ) -> Result<Validation, ModelError> {
-    let mut simulator = EffectSimulator::new(model, theta, effects, scene)?;
+    let mut simulator = EffectSimulator::new(model, theta, effects, scene)?.with_readout(readout);
     simulator.set(theta, values)?;
     simulator.choose_substeps(&data.stretches)?;
     Ok(compare(data, |s, stretch, initial, simulated| simulator.run(s, stretch, initial, simulated)))

@@ -65,6 +65,7 @@ pub(crate) fn tell(question: &Question<'_>, story: Story<'_>, warnings: Vec<Stri
         untestable,
         base: base_parameters(search, selected),
         scene: setting.scene.clone(),
+        readout: setting.readout,
         noise: noise.deviation.clone(),
         training: proof.training,
         held_out: proof.held_out,

@@ -3,6 +3,7 @@
 use serde::Serialize;
 use wheelwright_core::Dataset;
 use wheelwright_core::effect::{Place, Scene};
+use wheelwright_core::simulation::Readout;
 
 /// The answer in one word (contract, section 4).
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
@@ -211,6 +212,8 @@ pub struct Diagnosis {
     pub base: Vec<BaseParameter>,
     /// The scene in which the effects' values mean what they say.
     pub scene: Scene,
+    /// How the recorded outputs were read, and are to be simulated.
+    pub readout: Readout,
     /// Standard deviation of the noise of each output.
     pub noise: Vec<f64>,
     /// Training data with simulations, and held-out data with simulations.

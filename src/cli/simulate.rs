@@ -82,7 +82,7 @@ fn free_run(
     source: &Source,
     registry: &Registry,
 ) -> Result<Validation, ModelFailure> {
-    if file.effect.is_empty() {
+    if file.scene.is_none() && file.effect.is_empty() {
         return validate(model, theta, data).map_err(ModelFailure::Model);
     }
     let headings = headings(&source.recording);
@@ -90,7 +90,7 @@ fn free_run(
     let loaded = file.effects(&scene, registry).map_err(ModelFailure::Config)?;
     let effects: Vec<&dyn Effect> = loaded.iter().map(|l| &*l.effect).collect();
     let values: Vec<f64> = loaded.iter().flat_map(|l| l.values.iter().copied()).collect();
-    validate_with_effects(model, theta, &effects, &values, &scene, data).map_err(ModelFailure::Model)
+    validate_with_effects(model, theta, &effects, &values, (&scene, file.readout()), data).map_err(ModelFailure::Model)
 }
 
 /// A recording's commands, with its measurements if it has them.

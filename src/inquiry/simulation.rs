@@ -8,6 +8,7 @@ use serde::Serialize;
 use serde_json::{Value, json};
 use wheelwright_core::effect::{Effect, Scene};
 use wheelwright_core::model::RegressorModel;
+use wheelwright_core::simulation::Readout;
 use wheelwright_core::validation::{Validation, validate, validate_with_effects};
 use wheelwright_diagnosis::finding::{BaseParameter, Finding, Replay, Rung};
 use wheelwright_diagnosis::{Diagnosis, Verdict};
@@ -36,6 +37,8 @@ pub struct Simulated {
     pub effects: Vec<LoadedEffect>,
     /// The scene in which the effects' values mean what they say; `None` without effects.
     pub scene: Option<Scene>,
+    /// How recorded velocities are simulated.
+    pub readout: Readout,
     /// The parameters of its effects, with intervals.
     pub effect_parameters: Vec<Quantity>,
     /// Whether the base model and the effects represent the simulator's recording; `None` for a model.
@@ -128,9 +131,9 @@ impl Simulated {
             let written = file.parameter.iter().find(|w| w.name == p.name);
             Quantity { name: p.name.clone(), unit: p.unit.clone(), value: *value, ci95: written.and_then(|w| w.ci95) }
         });
-        let scene = match file.effect.is_empty() {
-            true => None,
-            false => Some(file.scene(&part.data, model, part.headings.as_deref()).map_err(refuse)?),
+        let scene = match &file.scene {
+            None if file.effect.is_empty() => None,
+            _ => Some(file.scene(&part.data, model, part.headings.as_deref()).map_err(refuse)?),
         };
         let effects = scene.as_ref().map_or_else(|| Ok(Vec::new()), |scene| file.effects(scene, registry)).map_err(refuse)?;
         let of_effects = effects.iter().zip(&file.effect).flat_map(|(loaded, entry)| {
@@ -146,6 +149,7 @@ impl Simulated {
             effect_parameters: of_effects.collect(),
             effects,
             scene,
+            readout: file.readout(),
             represents: None,
         })
     }
@@ -184,7 +188,8 @@ impl Simulated {
             path: path.display().to_string(),
             kind: "recording",
             parameters,
-            scene: (!effects.is_empty()).then(|| found.scene.clone()),
+            scene: (!effects.is_empty() || found.readout != Readout::default()).then(|| found.scene.clone()),
+            readout: found.readout,
             effects,
             effect_parameters: quantities(&found.effects),
             represents: Some(represents),
@@ -205,7 +210,7 @@ impl Simulated {
                 let scene = scene.like(&part.data, part.headings.as_deref());
                 let effects: Vec<&dyn Effect> = self.effects.iter().map(|l| &*l.effect).collect();
                 let values: Vec<f64> = self.effects.iter().flat_map(|l| l.values.iter().copied()).collect();
-                validate_with_effects(model, &theta, &effects, &values, &scene, &part.data)
+                validate_with_effects(model, &theta, &effects, &values, (&scene, self.readout), &part.data)
             }
         };
         run.map_err(|e| Error::Identify(e.into()))

@@ -2,6 +2,7 @@
 
 use serde_json::json;
 use wheelwright_core::effect::{Effect, Place, Scene};
+use wheelwright_core::simulation::Readout;
 use wheelwright_core::validation::{validate, validate_with_effects};
 use wheelwright_core::{Dataset, ModelConfig, RegressorModel, Stretch};
 use wheelwright_diagnosis::effects::CoulombFriction;
@@ -30,7 +31,7 @@ fn data(model: &dyn RegressorModel, start: f64, rows: usize) -> Dataset {
 fn replay(model: &dyn RegressorModel, mut measured: Dataset, named: bool) -> (Replay, Scene) {
     let scene = Scene::new(&measured, model, 0.34, Some(0.0975), None);
     let friction: [&dyn Effect; 1] = [&CoulombFriction {}];
-    let truth = validate_with_effects(model, &THETA, &friction, &FRICTION, &scene, &measured).unwrap();
+    let truth = validate_with_effects(model, &THETA, &friction, &FRICTION, (&scene, Readout::Instantaneous), &measured).unwrap();
     // A little noise, from a generator that needs no crate.
     let mut seed = 12345_u64;
     let mut noise = || {
@@ -41,7 +42,7 @@ fn replay(model: &dyn RegressorModel, mut measured: Dataset, named: bool) -> (Re
         stretch.outputs = comparison.simulated.iter().map(|c| c.iter().map(|y| y + noise()).collect()).collect();
     }
     let before = validate(model, &ALONE, &measured).unwrap();
-    let after = validate_with_effects(model, &THETA, &friction, &FRICTION, &scene, &measured).unwrap();
+    let after = validate_with_effects(model, &THETA, &friction, &FRICTION, (&scene, Readout::Instantaneous), &measured).unwrap();
     let runs = |v: &wheelwright_core::validation::Validation| v.comparisons.iter().map(|c| c.simulated.clone()).collect::<Vec<_>>();
     let (before, after) = (runs(&before), runs(&after));
     let after = if named { after } else { before.clone() };
@@ -131,6 +132,7 @@ pub(crate) fn example(verdict: Verdict) -> Diagnosis {
         }],
         base: base.collect(),
         scene,
+        readout: Readout::Instantaneous,
         noise: vec![0.0023, 0.0023],
         training,
         held_out: Some(held_out),
