@@ -123,13 +123,13 @@ fn diagnosed(arguments: &Arguments, setup: &Setup, shared: &Shared) -> Result<Di
         _ => None,
     };
     let mut inquiry = inquiry(&arguments.question, file, &sources[0], setup, shared)?;
-    inquiry.yardstick = true;
     let (training, held_out) = inquiry.parts(&sources, &validation)?;
     let simulated = sim.map(|sim| sim.simulated(&inquiry, &training, setup)).transpose()?;
     if let Some(simulated) = &simulated {
         inquiry.theta = Some(simulated.theta());
         inquiry.fixed = arguments.fixed;
     }
+    inquiry.yardstick = true;
     let mut found = inquiry.ask(&training, held_out.as_ref())?;
     let comparison = simulated.map(|s| s.compare(&mut found, &*inquiry.model, &training, held_out.as_ref())).transpose()?;
     let warnings =

@@ -244,7 +244,7 @@ impl Simulated {
             _ => training_run,
         };
         let differs = changes.iter().any(|c| c.changed) || !superfluous.is_empty();
-        if found.effects.is_empty() && matches!(found.verdict, Verdict::NoMismatch | Verdict::Explained) {
+        if found.effects.is_empty() && found.verdict != Verdict::Unexplained {
             found.verdict = if differs { Verdict::Explained } else { Verdict::NoMismatch };
         }
         if let Some(as_given) = proof.fit.iter().copied().collect::<Option<Vec<f64>>>() {
