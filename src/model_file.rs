@@ -367,3 +367,40 @@ impl EffectEntry {
 fn described(p: &EffectParameter) -> String {
     p.label.as_ref().map_or_else(|| format!("`{}`", p.name), |(kind, which)| format!("`{}` ({kind} {which})", p.name))
 }
+
+#[cfg(test)]
+mod tests {
+    use wheelwright_core::effect::Effect;
+    use wheelwright_diagnosis::Verdict;
+    use wheelwright_diagnosis::finding::settings;
+
+    use super::*;
+    use crate::report::diagnosis::tests::{example, model};
+
+    #[test]
+    fn a_diagnosed_model_is_read_back_as_it_was_found() {
+        let (found, model) = (example(Verdict::Explained), model());
+        let table = Table::from_iter([("type".to_owned(), toml::Value::String("vw-pd".to_owned()))]);
+        let registry = Registry::default();
+        let written = ModelFile::diagnosed(&table, None, &found, &registry).unwrap();
+        let read: ModelFile = toml::from_str(&written.to_toml()).unwrap();
+        assert_eq!(read, written);
+        let scene = read.scene(&found.training.measured, &*model, None).unwrap();
+        assert_eq!(scene.scales, found.scene.scales);
+        let effects = read.effects(&scene, &registry).unwrap();
+        assert_eq!(effects.len(), 1);
+        assert_eq!((effects[0].effect.name(), &effects[0].values), ("coulomb_friction", &found.effects[0].values));
+        assert_eq!(read.effect[0].parameter[0].ci95, found.effects[0].parameters[0].ci95);
+    }
+
+    #[test]
+    fn every_effect_of_the_library_is_made_again_from_its_settings() {
+        let registry = Registry::default();
+        let library: Vec<Box<dyn Effect>> = wheelwright_diagnosis::effects::library();
+        for effect in &library {
+            let settings = Table::try_from(settings(&**effect)).unwrap();
+            let again = registry.effect(settings.clone()).unwrap_or_else(|e| panic!("{settings}: {e}"));
+            assert_eq!(format!("{again:?}"), format!("{effect:?}"));
+        }
+    }
+}

@@ -158,7 +158,8 @@ fn nothing_hidden_is_nothing_found_and_gates_tell_them_apart() {
     assert_eq!(clean.status.code(), Some(0), "{}", String::from_utf8_lossy(&clean.stdout));
     let document: Value = serde_json::from_slice(&clean.stdout).unwrap();
     assert_eq!((document["verdict"].as_str(), document["effects"].as_array().unwrap().len()), (Some("no_mismatch"), 0));
-    let hidden = wheelwright(&["diagnose", &d.limit[0], "--validate", &d.limit[1], "--robot", &d.profile, "--fail-on", "mismatch", "--json"]);
+    let hidden =
+        wheelwright(&["diagnose", &d.limit[0], "--validate", &d.limit[1], "--robot", &d.profile, "--fail-on", "mismatch", "--json"]);
     assert_eq!(hidden.status.code(), Some(4));
     assert!(serde_json::from_slice::<Value>(&hidden.stdout).is_ok(), "a failed gate keeps the one document");
     assert!(String::from_utf8_lossy(&hidden.stderr).contains("gate failed: the verdict is explained"));

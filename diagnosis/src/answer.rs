@@ -7,7 +7,7 @@ use crate::adequacy;
 use crate::decide::{Weighed, decide};
 use crate::experiment::{Rivals, design};
 use crate::finding::Experiment;
-use crate::finding::{Alternative, BaseParameter, Diagnosis, Finding, Fits, FoundParameter, Replay, Rung, Verdict};
+use crate::finding::{Alternative, BaseParameter, Diagnosis, Finding, Fits, FoundParameter, Replay, Rung, Verdict, settings};
 use crate::fit::Fitted;
 use crate::fit::algebra::Directions;
 use crate::fit::search::Fit;
@@ -248,7 +248,7 @@ fn findings(search: &Search<'_>, selected: &Selected, proof: &Proven) -> Result<
                 .map(|(p, e)| FoundParameter { name: p.name, value: e.value, ci95: e.ci95, unit: p.unit, label: p.label })
                 .collect(),
             values,
-            settings: serde_json::to_value(effect).unwrap_or_default(),
+            settings: settings(effect),
             delta_bic,
             holdout_gain: proof.gains[member],
             alternatives: alternatives(search, effect, &rivals),

@@ -3,7 +3,7 @@
 use wheelwright_core::effect::{Effect, Estimate, Scene};
 
 use crate::answer::AMBIGUOUS;
-use crate::finding::{Finding, FoundParameter, Verdict};
+use crate::finding::{Finding, FoundParameter, Verdict, settings};
 use crate::holdout::Transfer;
 use crate::residuals::Flag;
 
@@ -73,7 +73,7 @@ fn of_noise(name: &str, values: &[f64], flag: &Flag, effects: &[Box<dyn Effect>]
             .map(|(p, v)| FoundParameter { name: p.name, value: *v, ci95: None, unit: p.unit, label: p.label })
             .collect(),
         values: values.to_vec(),
-        settings: serde_json::to_value(effect).unwrap_or_default(),
+        settings: settings(&**effect),
         delta_bic: flag.value - flag.threshold,
         holdout_gain: None,
         alternatives: Vec::new(),

@@ -1,8 +1,9 @@
 //! What a diagnosis says: verdict, named effects, where it hurts, the proof, and what to drive next.
 
 use serde::Serialize;
+use serde_json::{Map, Value};
 use wheelwright_core::Dataset;
-use wheelwright_core::effect::{Place, Scene};
+use wheelwright_core::effect::{Effect, Place, Scene};
 use wheelwright_core::simulation::Readout;
 
 /// The answer in one word (contract, section 4).
@@ -66,6 +67,17 @@ pub struct Finding {
     pub holdout_gain: Option<f64>,
     /// What else it could be.
     pub alternatives: Vec<Alternative>,
+}
+
+/// An effect as plain data: `type` beside its settings, as configurations spell it. What serde writes of a trait's object is the
+/// name with the settings below it.
+pub fn settings(effect: &dyn Effect) -> Value {
+    let mut plain = Map::new();
+    plain.insert("type".to_owned(), Value::from(effect.name()));
+    if let Ok(Value::Object(tagged)) = serde_json::to_value(effect) {
+        plain.extend(tagged.into_iter().filter_map(|(_, settings)| if let Value::Object(s) = settings { Some(s) } else { None }).flatten());
+    }
+    Value::Object(plain)
 }
 
 /// A region of a channel's values, or of time or place, that holds more than its share of the excess error.
