@@ -91,7 +91,10 @@ pub(super) struct Diagnosed {
 pub(super) fn run(arguments: &Arguments, shared: &Shared, console: &Console) -> Result<(), Error> {
     let setup = Setup::load(shared)?;
     let folder = setup.folder(shared)?;
-    let diagnosed = diagnosed(arguments, &setup, shared)?;
+    console.progress("simulating with every effect of the library …");
+    let diagnosed = diagnosed(arguments, &setup, shared);
+    console.end_progress();
+    let diagnosed = diagnosed?;
     let document = document(&diagnosed);
     if let Some(folder) = &folder {
         write(&diagnosed, &document, arguments.compensate, folder, &setup, shared, console)?;

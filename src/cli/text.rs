@@ -76,7 +76,7 @@ pub(super) fn verdict(verdict: Verdict) -> &'static str {
 pub(super) fn diagnosis(found: &Diagnosis, comparison: Option<&Comparison>) -> String {
     let mut text = format!("{}: {}\n", verdict(found.verdict), found.headline);
     for finding in &found.effects {
-        effect(&mut text, finding);
+        effect(&mut text, finding, &found.headline);
     }
     for finding in &found.partial {
         let _ = writeln!(text, "\na part of it looks like {}: {}", finding.name, finding.statement);
@@ -92,14 +92,19 @@ pub(super) fn diagnosis(found: &Diagnosis, comparison: Option<&Comparison>) -> S
         let _ = writeln!(text, "\nnext: {}", next.statement);
     }
     if !found.untestable.is_empty() {
-        let names: Vec<&str> = found.untestable.iter().map(|u| u.name.as_str()).collect();
+        let mut names: Vec<&str> = found.untestable.iter().map(|u| u.name.as_str()).collect();
+        names.dedup();
         let _ = writeln!(text, "\nnot testable with this recording: {}", names.join(", "));
     }
     text
 }
 
-fn effect(text: &mut String, finding: &Finding) {
-    let _ = writeln!(text, "\n{}\n  {}", finding.name, finding.statement);
+fn effect(text: &mut String, finding: &Finding, headline: &str) {
+    let _ = writeln!(text, "\n{}", finding.name);
+    // A single effect's statement is the headline already.
+    if !headline.contains(&finding.statement) {
+        let _ = writeln!(text, "  {}", finding.statement);
+    }
     for p in &finding.parameters {
         let side = p.label.as_ref().map(|(kind, which)| format!("  ({kind} {which})")).unwrap_or_default();
         let interval = p.ci95.map_or_else(|| "(no interval)".to_owned(), |(low, high)| format!("95 % [{low:.5}, {high:.5}]"));

@@ -221,3 +221,82 @@ fn quarters(mut values: Vec<f64>) -> Option<[f64; 3]> {
     };
     (!values.is_empty()).then(|| [at(0.25), at(0.5), at(0.75)])
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn key() -> Key {
+        let case = |name: &str, kind: &str, truth: &[&str], more: Value| {
+            let mut case = json!({ "case": name, "kind": kind, "truth": truth.iter().map(|t| json!({ "effect": t })).collect::<Vec<_>>() });
+            if let (Value::Object(all), Value::Object(more)) = (&mut case, more) {
+                all.extend(more);
+            }
+            case
+        };
+        serde_json::from_value(json!({ "schema": "wheelwright.key/1", "cases": [
+            case("a", "single", &["command_delay"], json!({ "excitation": "rich", "strength": 0.3, "detectability": 50.0 })),
+            case("b", "single", &["command_delay"], json!({ "excitation": "thesis", "strength": 0.7, "detectability": [500.0, null] })),
+            case("c", "pair", &["command_delay", "dead_zone"], json!({ "excitation": "rich" })),
+            case("d", "none", &[], json!({ "noise": "white" })),
+            case("e", "outside", &[], json!({ "outside": "a push" })),
+        ]}))
+        .unwrap()
+    }
+
+    fn answers() -> Vec<Answer> {
+        let answer = |case: &str, verdict: &str, names: &[&str]| {
+            let effects: Vec<Value> = names.iter().map(|n| json!({ "name": n, "alternatives": [] })).collect();
+            serde_json::from_value(json!({ "case": case, "verdict": verdict, "effects": effects, "seconds": 1.0 })).unwrap()
+        };
+        vec![
+            answer("a", "explained", &["command_delay"]),
+            answer("b", "explained", &["actuator_lag"]),
+            answer("c", "explained", &["dead_zone", "command_delay"]),
+            answer("d", "no_mismatch", &[]),
+            answer("z", "no_mismatch", &[]),
+        ]
+    }
+
+    #[test]
+    fn rates_are_of_the_cases_of_their_class_and_band() {
+        let key = key();
+        let score = Score::new(&key, &answers(), &[]);
+        let document = score.document(None, None);
+        let rate = |path: &str| {
+            let rate = crate::documents::lookup(&document, path).unwrap_or_else(|| panic!("{path}"));
+            (rate["hits"].as_u64().unwrap(), rate["of"].as_u64().unwrap())
+        };
+        assert_eq!(rate("classes.single.exact"), (1, 2));
+        assert_eq!(rate("classes.single.family"), (2, 2), "a lag for a delay is of the family");
+        assert_eq!(rate("classes.pair.exact"), (1, 1));
+        assert_eq!(rate("classes.none.false_alarm"), (0, 1));
+        assert_eq!(rate("classes.outside.confidently_wrong"), (0, 1), "no answer is no confident one");
+        assert_eq!(rate("by.excitation.rich.exact"), (2, 2));
+        assert_eq!(rate("by.excitation.thesis.exact"), (0, 1));
+        assert_eq!(document["by"]["strength"]["0.2 to 0.4"]["exact"]["hits"], 1);
+        assert_eq!(document["by"]["detectability"]["100 to 1000"]["exact"]["hits"], 0);
+        assert_eq!(document["by"]["effect"]["command_delay + dead_zone"]["cases"], 1);
+        assert_eq!(document["confusion"]["outside"]["no answer"], 1);
+        assert_eq!(document["strays"], json!(["z"]));
+        let removed = Score::new(&key, &answers(), &["command_delay".to_owned()]).document(None, None);
+        assert_eq!(removed["classes"]["removed"]["cases"], 3);
+    }
+
+    #[test]
+    fn quarters_interpolate() {
+        // numpy.percentile([1, 2, 4, 8], [25, 50, 75])
+        assert_eq!(quarters(vec![8.0, 1.0, 4.0, 2.0]), Some([1.75, 3.0, 5.0]));
+        assert_eq!(quarters(Vec::new()), None);
+    }
+
+    #[test]
+    fn the_page_of_a_score_has_its_rates_and_its_confusions() {
+        let key = key();
+        let score = Score::new(&key, &answers(), &[]);
+        let page = crate::report::score::html(&score, "Score of a", &Header::default(), Some(true), "wheelwright score a --key k.json");
+        for part in ["the key was sealed", "By excitation", "actuator_lag", "confidently wrong", "wheelwright score a"] {
+            assert!(page.contains(part), "{part}");
+        }
+    }
+}
