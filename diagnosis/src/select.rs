@@ -29,6 +29,8 @@ pub(crate) const TOLD: f64 = 0.9;
 
 /// Refinement of a candidate: enough to rank it.
 const RANKING: Effort = Effort { trials: 14, worthwhile: 0.5 };
+/// How often a detour may lead on.
+const DETOURS: usize = 4;
 /// Refinement of what is reported.
 pub(crate) const FINAL: Effort = Effort { trials: 20, worthwhile: 0.01 };
 /// Refinement of a fit that only has to be compared.
@@ -160,7 +162,28 @@ impl<'a> Search<'a> {
         fit.columns = state.fit.columns.clone();
         let (own, all) = (fit.columns.len(), fit.point.x.len());
         linearise(&mut runner, whitening, &mut fit, own..all);
-        Some(maximise(&self.setting, &mut runner, whitening, fit, RANKING, false))
+        let fit = maximise(&self.setting, &mut runner, whitening, fit, RANKING, false);
+        Some(self.detour(candidates[0].effect, &mut runner, whitening, fit))
+    }
+
+    /// Looks at an effect's other values and goes on from the best of them as long as that leads anywhere.
+    fn detour(&self, effect: usize, runner: &mut Runner<'_, '_>, whitening: &Whitening, mut fit: Fit) -> Fit {
+        let effect = self.effect(effect);
+        for _ in 0..DETOURS {
+            let own = fit.point.x.len() - effect.parameters(self.setting.scene).len();
+            let mut best: Option<Fit> = None;
+            for values in effect.detours(&fit.point.x[own..], self.setting.scene) {
+                let mut point = fit.point.clone();
+                point.x[own..].copy_from_slice(&values);
+                let Some(there) = evaluate(&self.setting, runner, whitening, &point) else { continue };
+                if there.likelihood(&self.setting) > best.as_ref().unwrap_or(&fit).likelihood(&self.setting) + RANKING.worthwhile {
+                    best = Some(there);
+                }
+            }
+            let Some(there) = best else { break };
+            fit = maximise(&self.setting, runner, whitening, there, RANKING, false);
+        }
+        fit
     }
 
     /// Noise as a fit leaves it.

@@ -186,6 +186,12 @@ pub trait Effect: Debug + Send + Sync {
     /// Points from which it is tried, in the order of the search.
     fn starts(&self, scene: &Scene) -> Vec<Start>;
 
+    /// Other values worth a look from fitted ones, where the likelihood has many maxima side by side: a time of change shows only
+    /// while something changes.
+    fn detours(&self, _values: &[f64], _scene: &Scene) -> Vec<Vec<f64>> {
+        Vec::new()
+    }
+
     /// One plain sentence with magnitudes and units: "the left wheel's motor needs 0.31 V before it moves; the model had none".
     /// It names an interval where there is one.
     fn statement(&self, values: &[Estimate], scene: &Scene) -> String;

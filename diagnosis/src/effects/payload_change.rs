@@ -17,6 +17,8 @@ pub struct PayloadChange {}
 
 /// Times that are tried, as shares of the recording; a change nearer to an end has too little on one side of it.
 const TIMES: [f64; 15] = [0.08, 0.14, 0.20, 0.26, 0.32, 0.38, 0.44, 0.50, 0.56, 0.62, 0.68, 0.74, 0.80, 0.86, 0.92];
+/// How far from a fitted time others are looked at, as shares of the recording: out to the next of [`TIMES`], and close.
+const NEARBY: [f64; 9] = [0.001, 0.002, 0.004, 0.008, 0.015, 0.022, 0.03, 0.045, 0.06];
 /// Half of the robot may have been load; a robot that carries six times itself is another one.
 const CHANGE: (f64, f64) = (-0.5, 6.0);
 
@@ -65,6 +67,17 @@ impl Effect for PayloadChange {
             Start { values, columns: columns.clone(), linear: true }
         };
         TIMES.map(start).into()
+    }
+
+    /// The same change at other times nearby: while the robot does not accelerate, the time of change does not show, so that the
+    /// likelihood has a maximum for every acceleration.
+    fn detours(&self, values: &[f64], scene: &Scene) -> Vec<Vec<f64>> {
+        let (first, last) = scene.scales.time;
+        let at = |share: f64| {
+            let time = values[0] + share * (last - first);
+            (first..=last).contains(&time).then(|| [&[time], &values[1..]].concat())
+        };
+        NEARBY.iter().flat_map(|share| [-share, *share]).filter_map(at).collect()
     }
 
     fn statement(&self, values: &[Estimate], scene: &Scene) -> String {

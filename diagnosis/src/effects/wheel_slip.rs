@@ -61,7 +61,10 @@ impl Effect for WheelSlip {
         let speed = scene.scales.speed;
         match self.law {
             SlipLaw::Creep => vec![EffectParameter::new("creep", "s/m", (0.0, 100.0 / speed), 0.05 / speed).neutral(0.0)],
-            SlipLaw::Grip => vec![EffectParameter::new("grip", "m/s2", ((0.02 * speed).min(GRAVITY), 2.0 * GRAVITY), 0.1 * speed)],
+            SlipLaw::Grip => {
+                let least = (0.02 * speed).min(GRAVITY);
+                vec![EffectParameter::new("grip", "m/s2", (least, f64::INFINITY), 0.1 * speed).neutral(f64::INFINITY)]
+            }
         }
     }
 
