@@ -98,7 +98,13 @@ fn values_of(parameters: &[EffectParameter], start: &Start, amplitude: &dyn Fn(u
         for &j in members {
             let p = &parameters[j];
             if let Some(neutral) = p.neutral {
-                let value = neutral + amplitude(c) * (start.values[j] - neutral);
+                let amplitude = amplitude(c);
+                // A limit that is neutral at infinity is there or not.
+                let value = match (neutral.is_finite(), amplitude == 0.0) {
+                    (true, _) => neutral + amplitude * (start.values[j] - neutral),
+                    (false, true) => neutral,
+                    (false, false) => start.values[j],
+                };
                 values[j] = value.max(p.bounds.0).min(p.bounds.1);
             }
         }
@@ -281,7 +287,8 @@ fn one_sided(response: &Response, column: usize) -> bool {
         p.neutral.is_none_or(|neutral| {
             let side = response.start.values[j] - neutral;
             let room = if side > 0.0 { neutral - p.bounds.0 } else { p.bounds.1 - neutral };
-            room <= 0.0
+            // Beyond a limit that is neutral at infinity there is nothing.
+            room.is_nan() || room <= 0.0
         })
     })
 }
@@ -355,4 +362,21 @@ fn take(residual: &mut [f64], columns: &[Vec<f64>], rows: usize, most: usize) ->
         add(residual, -a, &columns[*j]);
     }
     n
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_limit_that_is_neutral_at_infinity_is_tried_at_its_starts() {
+        let limit = EffectParameter::new("limit", "m/s", (0.04, f64::INFINITY), 0.1).neutral(f64::INFINITY);
+        let size = EffectParameter::new("size", "m/s", (0.0, 1.0), 0.1).neutral(0.0);
+        let start = Start { values: vec![0.7, 0.2], columns: vec![vec![0], vec![1]], linear: false };
+        let parameters = [limit, size];
+        assert_eq!(values_of(&parameters, &start, &|c| [1.0, 0.0][c]), [0.7, 0.0]);
+        assert_eq!(values_of(&parameters, &start, &|c| [0.0, 2.0][c]), [f64::INFINITY, 0.4]);
+        let response = Response { effect: 0, start, parameters: parameters.to_vec(), columns: Vec::new() };
+        assert!(one_sided(&response, 0) && one_sided(&response, 1));
+    }
 }
