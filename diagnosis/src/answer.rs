@@ -16,7 +16,7 @@ use crate::holdout::{Explanation, Ground, Proof, Transfer, shifted, transfer};
 use crate::question::{DiagnosisError, Question};
 use crate::residuals::{Residuals, Series};
 use crate::screen::Response;
-use crate::select::{Refined, Search, Selected, State, TOLD};
+use crate::select::{Rival, Search, Selected, State, TOLD};
 use crate::untestable;
 
 /// Two-sided 95 % point of the normal distribution.
@@ -42,7 +42,7 @@ pub(crate) fn tell(question: &Question<'_>, story: Story<'_>, warnings: Vec<Stri
     let setting = &search.setting;
     let noise = &selected.whitening.noise;
     let proof = Proven::new(question, search, selected);
-    let (findings, open) = findings(search, selected, &proof)?;
+    let (findings, open) = findings(search, selected, &proof);
     let (flags, location) = review(question, search, selected)?;
     let base_state = State { effects: Vec::new(), fit: selected.base.clone() };
     let screened = search.screen(&base_state, &selected.whitening, responses);
@@ -214,7 +214,7 @@ fn intervals(fit: &Fit, search: &Search<'_>) -> Vec<Option<f64>> {
 }
 
 /// Findings, and the explanations that could take that of the whole's place.
-fn findings(search: &Search<'_>, selected: &Selected, proof: &Proven) -> Result<(Vec<Finding>, Vec<State>), DiagnosisError> {
+fn findings(search: &Search<'_>, selected: &Selected, proof: &Proven) -> (Vec<Finding>, Vec<State>) {
     let mut open = Vec::new();
     let setting = &search.setting;
     let state = &selected.state;
@@ -236,7 +236,7 @@ fn findings(search: &Search<'_>, selected: &Selected, proof: &Proven) -> Result<
         };
         let estimates: Vec<Estimate> = parameters.iter().enumerate().map(estimate).collect();
         let rest = search.without(selected, member);
-        let rivals = rest.as_ref().map_or_else(|| Ok(Vec::new()), |rest| search.rivals(selected, member, rest))?;
+        let rivals = selected.rivals.get(member).map_or(&[][..], Vec::as_slice);
         let delta_bic = rest.as_ref().map_or(0.0, |rest| search.worth(selected, rest));
         all.push(Finding {
             name: effect.name().to_owned(),
@@ -251,20 +251,18 @@ fn findings(search: &Search<'_>, selected: &Selected, proof: &Proven) -> Result<
             settings: settings(effect),
             delta_bic,
             holdout_gain: proof.gains[member],
-            alternatives: alternatives(search, effect, &rivals),
+            alternatives: alternatives(search, effect, rivals),
         });
-        if let Some(rest) = rest {
-            let near = rivals.into_iter().filter(|(r, gap)| *gap < AMBIGUOUS && search.effect(r.effect).name() != effect.name());
-            open.extend(near.map(|(r, _)| State { effects: rest.effects.iter().copied().chain([r.effect]).collect(), fit: r.fit }));
-        }
+        let near = rivals.iter().filter(|r| r.gap < AMBIGUOUS && search.effect(r.effect).name() != effect.name());
+        open.extend(near.map(|r| r.state.clone()));
     }
-    Ok((all, open))
+    (all, open)
 }
 
 /// Rivals near enough to be mentioned, each name once.
-fn alternatives(search: &Search<'_>, found: &dyn Effect, rivals: &[(Refined, f64)]) -> Vec<Alternative> {
+fn alternatives(search: &Search<'_>, found: &dyn Effect, rivals: &[Rival]) -> Vec<Alternative> {
     let mut all: Vec<Alternative> = Vec::new();
-    for (rival, gap) in rivals.iter().filter(|(_, gap)| *gap < MENTIONED) {
+    for rival in rivals.iter().filter(|r| r.gap < MENTIONED) {
         let effect = search.effect(rival.effect);
         if effect.name() == found.name() || all.iter().any(|a| a.name == effect.name()) {
             continue;
@@ -274,7 +272,7 @@ fn alternatives(search: &Search<'_>, found: &dyn Effect, rivals: &[(Refined, f64
         let why = declared.or(mirrored).map_or_else(|| "it explains this recording nearly as well".to_owned(), |c| c.because.to_owned());
         all.push(Alternative {
             name: effect.name().to_owned(),
-            gap: *gap,
+            gap: rival.gap,
             because: format!("{why}; what tells them apart is {}", effect.excitation()),
         });
     }

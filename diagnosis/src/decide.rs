@@ -32,10 +32,14 @@ pub(crate) struct Decided {
 pub(crate) fn decide(weighed: Weighed<'_>) -> Decided {
     let Weighed { mut findings, flags, transfer, mut warnings, effects, scene } = weighed;
     // What acts on the noise alone shows in the tests and not in the likelihood.
-    for flag in flags.iter().filter(|f| f.left_over.is_none()) {
-        findings.extend(flag.effect.as_ref().and_then(|(name, values)| of_noise(name, values, flag, effects, scene)));
-    }
     let left: Vec<&Flag> = flags.iter().filter(|f| f.left_over.is_some_and(|share| share > LEFT_OVER)).collect();
+    // Where motion is left over, noise that looks like an effect may be that motion.
+    for flag in flags.iter().filter(|f| f.left_over.is_none() && left.is_empty()) {
+        let Some((name, values)) = &flag.effect else { continue };
+        if !findings.iter().any(|f| f.name == *name) {
+            findings.extend(of_noise(name, values, flag, effects, scene));
+        }
+    }
     warnings.extend(left.iter().map(|f| f.statement.clone()));
     let nothing = findings.is_empty();
     let rivals = findings.iter().any(|f| f.alternatives.iter().any(|a| a.gap < AMBIGUOUS));

@@ -1,7 +1,7 @@
 //! From a question to an answer, step by step.
 
 use wheelwright_core::Dataset;
-use wheelwright_core::effect::{Effect, Scene};
+use wheelwright_core::effect::{Effect, Scene, Stage};
 use wheelwright_core::simulation::Readout;
 
 use crate::answer::{Story, tell};
@@ -20,10 +20,12 @@ use crate::select::{Search, State};
 const FEWEST: usize = 10;
 /// Numerical error of a free run as a share of an output's root mean square: below it nothing is physics.
 const NUMERICAL: f64 = 5e-5;
+/// Error of a free run beside the noise that changes nothing: its square is a ten-thousandth of the noise's.
+const ACCURACY: f64 = 0.01;
 /// Track width that is taken where none is known and none shows \[m\].
 const ORDINARY_TRACK: f64 = 0.35;
 /// Rows beyond which a recording only costs time: pieces spread evenly over it are taken.
-const MOST_ROWS: usize = 12_000;
+const MOST_ROWS: usize = 8_000;
 
 /// Diagnoses.
 ///
@@ -59,7 +61,8 @@ pub fn diagnose(question: &Question<'_>) -> Result<Diagnosis, DiagnosisError> {
 /// Odometry that differences counts records means over the interval, which looks like a delay of half a sample. Where being late
 /// is part of the explanation, the plainer reading of the data is tried, and kept if it explains as much with less.
 fn other_readout<'a>(story: Story<'a>, question: &Question<'a>, data: &'a Dataset, scene: &'a Scene) -> Result<Story<'a>, DiagnosisError> {
-    if story.selected.state.effects.is_empty() {
+    let late = story.search.effects(&story.selected.state.effects);
+    if !late.iter().any(|e| matches!(e.stage(), Stage::Transport | Stage::Filter | Stage::Sensor)) {
         return Ok(story);
     }
     let mut other = setting(question, data, scene, Readout::IntervalMean);
@@ -90,7 +93,8 @@ fn setting<'a>(question: &Question<'a>, data: &'a Dataset, scene: &'a Scene, rea
         measured: layout.flat(data),
         steps: Vec::new(),
         floor: scene.scales.outputs.iter().map(|s| NUMERICAL * s).collect(),
-        substeps: 0,
+        substeps: 1,
+        tolerance: 0.0,
         layout,
     }
 }
@@ -98,14 +102,30 @@ fn setting<'a>(question: &Question<'a>, data: &'a Dataset, scene: &'a Scene, rea
 /// Base fit, noise, and the effects that the evidence asks for.
 fn selected<'a>(mut setting: Setting<'a>, question: &Question<'a>) -> Result<Story<'a>, DiagnosisError> {
     let rough = fit(&mut setting, question)?;
+    setting.tolerance = worthwhile_accuracy(&setting, &rough);
     let first = rough.likelihood(&setting);
     let open: Vec<usize> = (0..question.library.len()).filter(|i| question.library[*i].inapplicable(setting.scene).is_none()).collect();
     let search = Search { setting, library: question.library, open };
     let state = State { effects: Vec::new(), fit: rough };
-    let responses = search.respond(&state)?;
+    let responses = search.respond(&state);
     let (whitening, base) = whitened(&search.setting, &state.fit, &responses)?;
     let selected = search.run(State { effects: Vec::new(), fit: base }, whitening, &responses)?;
     Ok(Story { search, selected, responses, first })
+}
+
+/// A hundredth of what changes from sample to sample in the residual: errors that small are lost in the noise.
+fn worthwhile_accuracy(setting: &Setting<'_>, rough: &Fit) -> f64 {
+    let of = |c: usize| {
+        let (mut sum, mut count) = (0.0, 0.0_f64);
+        for s in 0..setting.layout.stretches() {
+            let part = setting.layout.part(c, s);
+            let left: Vec<f64> = part.map(|k| setting.measured[k] - rough.simulated[k]).collect();
+            sum += left.windows(2).map(|w| (w[1] - w[0]).powi(2)).sum::<f64>();
+            count += left.len() as f64;
+        }
+        (0.5 * sum / count.max(1.0)).sqrt() / setting.scene.scales.outputs[c]
+    };
+    (0..setting.layout.outputs()).map(|c| ACCURACY * of(c)).fold(f64::INFINITY, f64::min)
 }
 
 /// The base fit under the noise of the saturated residual.
@@ -124,7 +144,7 @@ fn whitened(setting: &Setting<'_>, rough: &Fit, responses: &[Response]) -> Resul
         residual[setting.layout.output(c)].iter_mut().for_each(|x| *x *= unit);
     }
     let noise = Noise::estimate(&residual, &setting.layout, (taken + whitening.taken()) as f64, &setting.floor);
-    renew(setting, &mut runner, noise, &again, Effort { trials: 12, worthwhile: 0.05 }).ok_or_else(lost)
+    renew(setting, &mut runner, noise, &again, Effort { trials: 12, worthwhile: 0.05, target: f64::NEG_INFINITY }).ok_or_else(lost)
 }
 
 fn check(question: &Question<'_>) -> Result<(), DiagnosisError> {

@@ -7,7 +7,6 @@
 use nalgebra::{DMatrix, DVector};
 use wheelwright_core::effect::{Effect, EffectParameter, Start};
 use wheelwright_core::least_squares::{Limits, constrained_step};
-use wheelwright_core::model::ModelError;
 
 use crate::fit::algebra::{Directions, add, dot, factor, gram};
 use crate::fit::search::{Fit, likelihood, parts};
@@ -52,31 +51,37 @@ pub(crate) struct Current<'s, 'a> {
 }
 
 /// Responses of library effects at all their starts.
-pub(crate) fn responses(current: &Current<'_, '_>, library: &[(usize, &dyn Effect)]) -> Result<Vec<Response>, ModelError> {
+pub(crate) fn responses(current: &Current<'_, '_>, library: &[(usize, &dyn Effect)]) -> Vec<Response> {
     let mut all = Vec::new();
     for &(index, effect) in library {
         let parameters = effect.parameters(current.setting.scene);
+        let mut substeps = None;
         for start in effect.starts(current.setting.scene) {
-            if let Some(response) = respond(current, index, effect, &parameters, start)? {
-                all.push(response);
-            }
+            all.extend(respond(current, index, effect, &parameters, start, &mut substeps));
         }
     }
-    Ok(all)
+    all
 }
 
+/// The responses of one start; the first start of an effect finds the step for all.
 fn respond(
     current: &Current<'_, '_>,
     index: usize,
     effect: &dyn Effect,
     parameters: &[EffectParameter],
     start: Start,
-) -> Result<Option<Response>, ModelError> {
+    substeps: &mut Option<usize>,
+) -> Option<Response> {
     let Current { setting, effects, fit } = *current;
     let joined: Vec<&dyn Effect> = effects.iter().copied().chain(std::iter::once(effect)).collect();
     let mut columns = Vec::with_capacity(start.columns.len());
     let at = |values: &[f64]| Point { x: fit.point.x.iter().chain(values).copied().collect(), starts: fit.point.starts.clone() };
-    let Ok(mut runner) = Runner::new(setting, &joined, &at(&start.values)) else { return Ok(None) };
+    let mut runner = match *substeps {
+        Some(substeps) => Runner::with_substeps(setting, &joined, &at(&start.values), substeps),
+        None => Runner::new(setting, &joined, &at(&start.values)),
+    }
+    .ok()?;
+    *substeps = Some(runner.substeps());
     for c in 0..start.columns.len() {
         let values = values_of(parameters, &start, &|other| if other == c { 1.0 } else { 0.0 });
         let mut column = vec![0.0; setting.layout.len()];
@@ -88,7 +93,7 @@ fn respond(
         }
         columns.push(column);
     }
-    Ok(Some(Response { effect: index, start, parameters: parameters.to_vec(), columns }))
+    Some(Response { effect: index, start, parameters: parameters.to_vec(), columns })
 }
 
 /// The start's values with each column's distance from neutral multiplied by its amplitude, kept within bounds.

@@ -19,6 +19,10 @@ use crate::screen::{Candidate, Current, Projection, Response, responses};
 const MOST: usize = 3;
 /// Candidates that are refined after screening.
 const REFINED: usize = 6;
+/// Linearised gain below which no refinement makes evidence: a free parameter gains one by chance.
+const HOPELESS: f64 = 4.0;
+/// Share of the best linearised gain below which an effect is no contender.
+const CONTENDER: f64 = 0.1;
 /// Share of what the first effects explain that a further one must add: less is the imperfect form of the first.
 const SHARE: f64 = 0.02;
 /// What an exchange must gain, so that it is no toss of a coin.
@@ -28,13 +32,13 @@ const EXCHANGE: f64 = 2.0;
 pub(crate) const TOLD: f64 = 0.9;
 
 /// Refinement of a candidate: enough to rank it.
-const RANKING: Effort = Effort { trials: 14, worthwhile: 0.5 };
+const RANKING: Effort = Effort { trials: 14, worthwhile: 0.5, target: f64::NEG_INFINITY };
 /// How often a detour may lead on.
 const DETOURS: usize = 4;
 /// Refinement of what is reported.
-pub(crate) const FINAL: Effort = Effort { trials: 20, worthwhile: 0.01 };
+pub(crate) const FINAL: Effort = Effort { trials: 20, worthwhile: 0.01, target: f64::NEG_INFINITY };
 /// Refinement of a fit that only has to be compared.
-const COMPARING: Effort = Effort { trials: 10, worthwhile: 0.1 };
+const COMPARING: Effort = Effort { trials: 10, worthwhile: 0.1, target: f64::NEG_INFINITY };
 
 /// A model with effects under a noise model.
 #[derive(Debug, Clone)]
@@ -53,6 +57,16 @@ pub(crate) struct Refined {
     pub(crate) score: f64,
 }
 
+/// An explanation in which another effect takes a member's place.
+#[derive(Debug, Clone)]
+pub(crate) struct Rival {
+    /// Index of the other effect.
+    pub(crate) effect: usize,
+    pub(crate) state: State,
+    /// By how much its penalised score is worse.
+    pub(crate) gap: f64,
+}
+
 /// The search's fixed surroundings.
 pub(crate) struct Search<'a> {
     pub(crate) setting: Setting<'a>,
@@ -67,6 +81,8 @@ pub(crate) struct Selected {
     pub(crate) whitening: Whitening,
     /// The base fit under the same noise.
     pub(crate) base: Fit,
+    /// By member: every effect that was fitted in its place, and by how much its penalised score is worse than the member's.
+    pub(crate) rivals: Vec<Vec<Rival>>,
     /// Every effect that was screened on the base model: index, penalised gain, best first. Refined gains where they were refined.
     pub(crate) ranking: Vec<(usize, f64)>,
 }
@@ -99,13 +115,13 @@ impl<'a> Search<'a> {
     }
 
     /// Raw responses of all effects that may join a model.
-    pub(crate) fn respond(&self, state: &State) -> Result<Vec<Response>, DiagnosisError> {
+    pub(crate) fn respond(&self, state: &State) -> Vec<Response> {
         let effects = self.effects(&state.effects);
         let current = Current { setting: &self.setting, effects: &effects, fit: &state.fit };
         let families: Vec<&str> = effects.iter().map(|e| e.family()).collect();
         let may = |i: &&usize| !families.contains(&self.effect(**i).family());
         let library: Vec<(usize, &dyn Effect)> = self.open.iter().filter(may).map(|i| (*i, self.effect(*i))).collect();
-        Ok(responses(&current, &library)?)
+        responses(&current, &library)
     }
 
     /// The best start of every effect, best effect first.
@@ -134,8 +150,11 @@ impl<'a> Search<'a> {
         let rank = state.fit.rank(&self.setting);
         let before = state.fit.likelihood(&self.setting);
         let mut refined: Vec<Refined> = Vec::new();
-        for candidates in screened.iter().take(REFINED) {
-            let Some(fit) = self.fit_candidate(state, whitening, candidates) else { continue };
+        let first = screened.first().map_or(0.0, |c| c[0].gain);
+        let worth = |c: &&Vec<Candidate>| c[0].gain > HOPELESS.max(CONTENDER * first);
+        for candidates in screened.iter().take(REFINED).filter(worth) {
+            let target = refined.iter().map(|r| r.fit.likelihood(&self.setting)).fold(before, f64::max);
+            let Some(fit) = self.fit_candidate(state, whitening, candidates, target) else { continue };
             let gain = fit.likelihood(&self.setting) - before;
             let freedom = fit.rank(&self.setting).saturating_sub(rank).max(1);
             refined.push(Refined { effect: candidates[0].effect, fit, score: gain - self.penalty(freedom) });
@@ -145,7 +164,8 @@ impl<'a> Search<'a> {
     }
 
     /// Fits from the better of an effect's two best starts.
-    fn fit_candidate(&self, state: &State, whitening: &Whitening, candidates: &[Candidate]) -> Option<Fit> {
+    /// Gives up where it cannot come near the likelihood `target`.
+    fn fit_candidate(&self, state: &State, whitening: &Whitening, candidates: &[Candidate], target: f64) -> Option<Fit> {
         let mut indices = state.effects.clone();
         indices.push(candidates[0].effect);
         let mut best: Option<(Runner<'_, '_>, Fit)> = None;
@@ -162,12 +182,13 @@ impl<'a> Search<'a> {
         fit.columns = state.fit.columns.clone();
         let (own, all) = (fit.columns.len(), fit.point.x.len());
         linearise(&mut runner, whitening, &mut fit, own..all);
-        let fit = maximise(&self.setting, &mut runner, whitening, fit, RANKING, false);
-        Some(self.detour(candidates[0].effect, &mut runner, whitening, fit))
+        let effort = Effort { target, ..RANKING };
+        let fit = maximise(&self.setting, &mut runner, whitening, fit, effort, false);
+        Some(self.detour(candidates[0].effect, &mut runner, whitening, fit, effort))
     }
 
     /// Looks at an effect's other values and goes on from the best of them as long as that leads anywhere.
-    fn detour(&self, effect: usize, runner: &mut Runner<'_, '_>, whitening: &Whitening, mut fit: Fit) -> Fit {
+    fn detour(&self, effect: usize, runner: &mut Runner<'_, '_>, whitening: &Whitening, mut fit: Fit, effort: Effort) -> Fit {
         let effect = self.effect(effect);
         for _ in 0..DETOURS {
             let own = fit.point.x.len() - effect.parameters(self.setting.scene).len();
@@ -181,7 +202,7 @@ impl<'a> Search<'a> {
                 }
             }
             let Some(there) = best else { break };
-            fit = maximise(&self.setting, runner, whitening, there, RANKING, false);
+            fit = maximise(&self.setting, runner, whitening, there, effort, false);
         }
         fit
     }
@@ -206,13 +227,13 @@ impl<'a> Search<'a> {
 
     /// Adds effects to the base while they are worth it.
     pub(crate) fn run(&self, base: State, whitening: Whitening, first: &[Response]) -> Result<Selected, DiagnosisError> {
-        let mut selected = Selected { base: base.fit.clone(), state: base, whitening, ranking: Vec::new() };
+        let mut selected = Selected { base: base.fit.clone(), state: base, whitening, rivals: Vec::new(), ranking: Vec::new() };
         for depth in 0..MOST {
             let fresh;
             let responses = if depth == 0 {
                 first
             } else {
-                fresh = self.respond(&selected.state)?;
+                fresh = self.respond(&selected.state);
                 &fresh
             };
             let screened = self.screen(&selected.state, &selected.whitening, responses);
@@ -221,11 +242,11 @@ impl<'a> Search<'a> {
                 selected.ranking = self.ranking(&screened, &refined);
             }
             // Candidates that lose their evidence under their own noise make room for the next.
-            let joined = refined.into_iter().filter(|r| r.score > 0.0).take(2).find_map(|r| self.join(&selected, r));
+            let joined = (0..refined.len().min(2)).filter(|i| refined[*i].score > 0.0).find_map(|i| self.join(&selected, &refined, i));
             let Some(joined) = joined else { break };
             selected = joined;
             if selected.state.effects.len() > 1 {
-                self.exchange(&mut selected)?;
+                self.exchange(&mut selected);
             }
         }
         Ok(selected)
@@ -240,7 +261,8 @@ impl<'a> Search<'a> {
 
     /// Takes a candidate into the model if its evidence holds under the noise that it leaves itself. A misfit hides in the noise of
     /// the model that lacks the effect, but noise cannot hide from the model that has it.
-    fn join(&self, selected: &Selected, candidate: Refined) -> Option<Selected> {
+    fn join(&self, selected: &Selected, refined: &[Refined], which: usize) -> Option<Selected> {
+        let candidate = &refined[which];
         let mut effects = selected.state.effects.clone();
         effects.push(candidate.effect);
         let noise = self.noise_of(&effects, &candidate.fit, &selected.whitening)?;
@@ -256,29 +278,57 @@ impl<'a> Search<'a> {
             state: State { effects, fit: with },
             whitening,
             base,
+            rivals: vec![self.beside(&selected.state, refined, candidate.effect, candidate.score)],
             ranking: selected.ranking.clone(),
         })
     }
 
-    /// Drops each member in turn and takes the best replacement if it gains.
-    fn exchange(&self, selected: &mut Selected) -> Result<(), DiagnosisError> {
-        for member in 0..selected.state.effects.len() {
-            let Some(rest) = self.without(selected, member) else { continue };
+    /// The refined effects other than the one that was taken, as rivals of it.
+    fn beside(&self, rest: &State, refined: &[Refined], taken: usize, score: f64) -> Vec<Rival> {
+        let others = refined.iter().filter(|r| r.effect != taken);
+        let joined = |r: &Refined| State { effects: rest.effects.iter().copied().chain([r.effect]).collect(), fit: r.fit.clone() };
+        others.map(|r| Rival { effect: r.effect, state: joined(r), gap: score - r.score }).collect()
+    }
+
+    /// Drops each member in turn and takes the best replacement if it gains; keeps the others as rivals.
+    fn exchange(&self, selected: &mut Selected) {
+        let mut member = 0;
+        let mut exchanged = 0;
+        selected.rivals.clear();
+        while member < selected.state.effects.len() {
+            let (rest, refined) = self.replacements(selected, member);
             let present = self.worth(selected, &rest);
-            let responses = self.respond(&rest)?;
-            let screened = self.screen(&rest, &selected.whitening, &responses);
-            let dropped = selected.state.effects[member];
-            let others: Vec<Vec<Candidate>> = screened.into_iter().filter(|c| c[0].effect != dropped).take(3).collect();
-            let best = self.refine(&rest, &selected.whitening, &others).into_iter().next();
-            let Some(best) = best.filter(|b| b.score > present + EXCHANGE) else { continue };
-            let mut effects = rest.effects.clone();
-            effects.push(best.effect);
-            let Some(noise) = self.noise_of(&effects, &best.fit, &selected.whitening) else { continue };
-            let Some((whitening, fit)) = self.under(&effects, &best.fit, &noise, FINAL) else { continue };
-            let Some((_, base)) = self.under(&[], &selected.base, &noise, COMPARING) else { continue };
-            *selected = Selected { state: State { effects, fit }, whitening, base, ranking: std::mem::take(&mut selected.ranking) };
+            let better = refined.first().filter(|b| exchanged < MOST && b.score > present + EXCHANGE);
+            if let Some(next) = better.and_then(|best| self.replaced(selected, &rest, best)) {
+                *selected = next;
+                exchanged += 1;
+                member = 0;
+                continue;
+            }
+            selected.rivals.push(self.beside(&rest, &refined, selected.state.effects[member], present));
+            member += 1;
         }
-        Ok(())
+    }
+
+    /// The model without a member, and what could take its place.
+    fn replacements(&self, selected: &Selected, member: usize) -> (State, Vec<Refined>) {
+        let base = || State { effects: Vec::new(), fit: selected.base.clone() };
+        let Some(rest) = self.without(selected, member) else { return (base(), Vec::new()) };
+        let responses = self.respond(&rest);
+        let dropped = selected.state.effects[member];
+        let screened = self.screen(&rest, &selected.whitening, &responses);
+        let others: Vec<Vec<Candidate>> = screened.into_iter().filter(|c| c[0].effect != dropped).collect();
+        let refined = self.refine(&rest, &selected.whitening, &others);
+        (rest, refined)
+    }
+
+    /// The selection with a replacement, under the noise that it leaves.
+    fn replaced(&self, selected: &Selected, rest: &State, best: &Refined) -> Option<Selected> {
+        let effects: Vec<usize> = rest.effects.iter().copied().chain([best.effect]).collect();
+        let noise = self.noise_of(&effects, &best.fit, &selected.whitening)?;
+        let (whitening, fit) = self.under(&effects, &best.fit, &noise, FINAL)?;
+        let (_, base) = self.under(&[], &selected.base, &noise, COMPARING)?;
+        Some(Selected { state: State { effects, fit }, whitening, base, rivals: Vec::new(), ranking: selected.ranking.clone() })
     }
 
     /// The model without one of its effects, refitted under the same noise.
@@ -349,23 +399,5 @@ impl<'a> Search<'a> {
     pub(crate) fn worth(&self, selected: &Selected, rest: &State) -> f64 {
         let freedom = selected.state.fit.rank(&self.setting).saturating_sub(rest.fit.rank(&self.setting));
         selected.state.fit.likelihood(&self.setting) - rest.fit.likelihood(&self.setting) - self.penalty(freedom)
-    }
-
-    /// Every effect that could take a member's place in what is left without it: index and by how much its penalised score is worse
-    /// than the member's, best first.
-    pub(crate) fn rivals(&self, selected: &Selected, member: usize, rest: &State) -> Result<Vec<(Refined, f64)>, DiagnosisError> {
-        let present = self.worth(selected, rest);
-        let responses = self.respond(rest)?;
-        let found = selected.state.effects[member];
-        let screened = self.screen(rest, &selected.whitening, &responses);
-        let others: Vec<Vec<Candidate>> = screened.into_iter().filter(|c| c[0].effect != found).collect();
-        let refined = self.refine(rest, &selected.whitening, &others);
-        Ok(refined
-            .into_iter()
-            .map(|r| {
-                let gap = present - r.score;
-                (r, gap)
-            })
-            .collect())
     }
 }

@@ -104,7 +104,7 @@ fn section(variants: &[&dyn Effect]) -> String {
     }
     let (body, sides) = (velocities(), voltages());
     let rows = distinct(variants.iter().flat_map(|effect| {
-        let other = effect.inapplicable(&sides).is_none().then(|| effect.parameters(&sides)).unwrap_or_default();
+        let other = if effect.inapplicable(&sides).is_none() { effect.parameters(&sides) } else { Vec::new() };
         let rows: Vec<String> =
             effect.parameters(&body).iter().map(|p| row(p, other.iter().find(|o| o.name == p.name && o.label == p.label))).collect();
         rows

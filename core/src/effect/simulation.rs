@@ -39,6 +39,7 @@ pub struct EffectSimulator<'a> {
     theta: Vec<f64>,
     readout: Readout,
     substeps: usize,
+    tolerance: f64,
     linear: Linear,
     body: Body,
     /// Numbers of all effects' states, now and at the start of the interval.
@@ -181,6 +182,7 @@ impl<'a> EffectSimulator<'a> {
             theta: theta.to_vec(),
             readout: Readout::default(),
             substeps: 1,
+            tolerance: TOLERANCE,
             linear: Linear::new(n, m),
             body,
             state: vec![0.0; states],
@@ -203,6 +205,12 @@ impl<'a> EffectSimulator<'a> {
     /// Divides each interval between samples into this many steps.
     pub fn set_substeps(&mut self, substeps: usize) {
         self.substeps = substeps.clamp(1, MAX_SUBSTEPS);
+    }
+
+    /// Sets the difference between a step and two halves, relative to the outputs' root mean square, that
+    /// [`choose_substeps`](Self::choose_substeps) aims at: where noise is known, no more accuracy is needed than a small share of it.
+    pub fn set_tolerance(&mut self, relative: f64) {
+        self.tolerance = relative.max(TOLERANCE);
     }
 
     /// Steps an interval between samples is divided into.
@@ -243,7 +251,7 @@ impl<'a> EffectSimulator<'a> {
                 sum += a.iter().zip(b).map(|(a, b)| ((a - b) / scale).powi(2)).sum::<f64>();
                 count += a.len().min(b.len()) as f64;
             }
-            if (sum / count.max(1.0)).sqrt() <= TOLERANCE {
+            if (sum / count.max(1.0)).sqrt() <= self.tolerance {
                 self.substeps /= 2;
                 break;
             }
@@ -304,7 +312,7 @@ impl<'a> EffectSimulator<'a> {
         for k in rows.start + 1..rows.end {
             let stepped = self.interval(stretch, track, k - 1);
             // A model that runs away overflows, and then its accelerations are undetermined as well.
-            if self.body.x.iter().chain(&self.body.mid).any(|x| !(x.abs() < OVERFLOW)) {
+            if self.body.x.iter().chain(&self.body.mid).any(|x| x.is_nan() || x.abs() >= OVERFLOW) {
                 return Err(ModelError::Diverged { model: self.model.name().to_owned(), time: stretch.time[k] });
             }
             stepped?;
@@ -450,6 +458,7 @@ struct RightSide<'s, 'a> {
 }
 
 impl RightSide<'_, '_> {
+    #[inline(always)]
     fn accelerations(
         &self,
         at: &Instant<'_>,
@@ -479,6 +488,7 @@ impl RightSide<'_, '_> {
 }
 
 /// The command held now, passed through the command effects.
+#[inline(always)]
 fn pass_command(effects: &[Slot<'_>], state: &mut [f64], at: &Instant<'_>, outputs: &[f64], u: &mut [f64]) {
     u.iter_mut().zip(&at.stretch.inputs).for_each(|(u, column)| *u = column[at.row]);
     for slot in effects.iter().take_while(|s| s.place == Place::Command) {
@@ -494,15 +504,26 @@ fn advance(effects: &[Slot<'_>], state: &mut [f64], at: &Instant<'_>, outputs: &
 }
 
 /// out = M x, or out += M x; only the diagonal counts where that is all there is, and then M holds one entry a row.
+#[inline(always)]
 fn apply(matrix: &[f64], diagonal: bool, x: &[f64], out: &mut [f64], add: bool) {
     let n = x.len();
+    if diagonal {
+        let terms = out.iter_mut().zip(&matrix[..n]).zip(x);
+        if add {
+            terms.for_each(|((out, m), x)| *out += m * x);
+        } else {
+            terms.for_each(|((out, m), x)| *out = m * x);
+        }
+        return;
+    }
     for (i, out) in out.iter_mut().enumerate() {
-        let value = if diagonal { matrix[i] * x[i] } else { matrix[i * n..(i + 1) * n].iter().zip(x).map(|(a, b)| a * b).sum() };
+        let value: f64 = matrix[i * n..(i + 1) * n].iter().zip(x).map(|(a, b)| a * b).sum();
         *out = if add { *out + value } else { value };
     }
 }
 
 /// out −= L x.
+#[inline(always)]
 fn linear_off(linear: &[f64], diagonal: bool, x: &[f64], out: &mut [f64]) {
     let n = x.len();
     for (i, out) in out.iter_mut().enumerate() {

@@ -69,6 +69,9 @@ pub fn review(
     Ok((flags, location))
 }
 
+/// Share of the noise's variance that rounding to a lattice, quantum²/12, must make before it counts as something left out.
+const QUANTISED: f64 = 0.1;
+
 /// One flag a test that found something.
 fn flags(found: &Adequacy, comparison: &Comparison<'_>, explained: f64) -> Vec<Flag> {
     let sentences = found.sentences(comparison);
@@ -91,7 +94,10 @@ fn flags(found: &Adequacy, comparison: &Comparison<'_>, explained: f64) -> Vec<F
         flag("variance against acceleration", jitter.z, 0.0, None, Some(("timestamp_jitter".to_owned(), vec![jitter.deviation])));
     }
     for lattice in &found.lattices {
-        flag("value lattice", lattice.coherence, 0.0, None, Some(("encoder_quantisation".to_owned(), vec![lattice.quantum])));
+        // Counting that other noise covers is no physics that a simulation would miss.
+        let share = (lattice.quantum / comparison.noise[lattice.output]).powi(2) / 12.0;
+        let effect = (share > QUANTISED).then(|| ("encoder_quantisation".to_owned(), vec![lattice.quantum]));
+        flag("value lattice", share, QUANTISED, None, effect);
     }
     all
 }

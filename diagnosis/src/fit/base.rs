@@ -55,7 +55,7 @@ fn from(setting: &mut Setting<'_>, z: Vec<f64>) -> Option<Fit> {
         let unit = Noise::white(&setting.scene.scales.outputs, &setting.layout);
         let whitening = Whitening::new(unit, &setting.layout, &mut runner, &point, &simulated);
         let first = evaluate(setting, &mut runner, &whitening, &point)?;
-        let effort = Effort { trials: 25, worthwhile: if round == 0 { 1.0 } else { 0.02 } };
+        let effort = Effort { trials: 25, worthwhile: if round == 0 { 1.0 } else { 0.02 }, target: f64::NEG_INFINITY };
         let found = maximise(setting, &mut runner, &whitening, first, effort, false);
         point = found.point.clone();
         setting.substeps = runner.substeps();

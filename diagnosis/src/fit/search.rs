@@ -12,6 +12,10 @@ use super::algebra::{Directions, add, dot, factor, gram};
 use super::setting::{Point, Runner, Setting};
 use super::whitening::Whitening;
 
+/// How much more than it promises a step may bring in the end.
+const OPTIMISM: f64 = 4.0;
+/// Distance in twice the log-likelihood at which a rival is none.
+const OUT_OF_REACH: f64 = 40.0;
 /// Least damping.
 const LEAST_DAMPING: f64 = 1e-12;
 
@@ -22,6 +26,8 @@ pub(crate) struct Effort {
     pub(crate) trials: usize,
     /// Gain of twice the log-likelihood below which a promised step is not worth its simulation.
     pub(crate) worthwhile: f64,
+    /// Twice a log-likelihood that others have reached: a search that cannot come near it gives up.
+    pub(crate) target: f64,
 }
 
 /// A point with everything that follows from it.
@@ -124,6 +130,9 @@ pub(crate) fn maximise(
     let mut trials = 0;
     while trials < effort.trials {
         let Some((step, promised)) = step(setting, &fit, &limits, damping) else { break };
+        if fit.likelihood(setting) + OPTIMISM * promised < effort.target - OUT_OF_REACH {
+            break;
+        }
         if promised < effort.worthwhile {
             // Little is promised: by old columns, or where damping holds it back, that is no proof.
             if fresh || promised < 0.01 * effort.worthwhile {

@@ -34,6 +34,8 @@ pub(crate) struct Setting<'a> {
     pub(crate) floor: Vec<f64>,
     /// Fewest steps between samples.
     pub(crate) substeps: usize,
+    /// Accuracy of a free run that is worth its time, relative to the outputs' root mean square.
+    pub(crate) tolerance: f64,
 }
 
 /// Where in the space of unknowns a fit is.
@@ -110,8 +112,6 @@ pub(crate) struct Runner<'s, 'a> {
     /// Parameters of all effects in order.
     pub(crate) parameters: Vec<EffectParameter>,
     buffer: Vec<Vec<f64>>,
-    /// Free runs so far.
-    pub(crate) runs: usize,
 }
 
 impl<'s, 'a> Runner<'s, 'a> {
@@ -121,14 +121,26 @@ impl<'s, 'a> Runner<'s, 'a> {
         let theta = setting.map.theta(&at.x[..free]);
         let mut simulator = EffectSimulator::new(setting.model, &theta, effects, setting.scene)?.with_readout(setting.readout);
         simulator.set(&theta, &at.x[free..])?;
-        if effects.is_empty() || setting.substeps == 0 {
-            simulator.choose_substeps(&setting.data.stretches)?;
-        } else {
-            let chosen = simulator.choose_substeps(&setting.data.stretches)?;
-            simulator.set_substeps(chosen.max(setting.substeps));
-        }
+        simulator.set_tolerance(setting.tolerance);
+        let chosen = simulator.choose_substeps(&setting.data.stretches)?;
+        simulator.set_substeps(chosen.max(setting.substeps));
         let parameters = effects.iter().flat_map(|e| e.parameters(setting.scene)).collect();
-        Ok(Self { setting, simulator, parameters, buffer: vec![Vec::new(); setting.layout.outputs()], runs: 0 })
+        Ok(Self { setting, simulator, parameters, buffer: vec![Vec::new(); setting.layout.outputs()] })
+    }
+
+    /// The same at another point whose step is known to do.
+    pub(crate) fn with_substeps(
+        setting: &'s Setting<'a>,
+        effects: &[&'s dyn Effect],
+        at: &Point,
+        substeps: usize,
+    ) -> Result<Self, ModelError> {
+        let free = setting.free();
+        let theta = setting.map.theta(&at.x[..free]);
+        let mut simulator = EffectSimulator::new(setting.model, &theta, effects, setting.scene)?.with_readout(setting.readout);
+        simulator.set_substeps(substeps);
+        let parameters = effects.iter().flat_map(|e| e.parameters(setting.scene)).collect();
+        Ok(Self { setting, simulator, parameters, buffer: vec![Vec::new(); setting.layout.outputs()] })
     }
 
     pub(crate) fn substeps(&self) -> usize {
@@ -137,7 +149,6 @@ impl<'s, 'a> Runner<'s, 'a> {
 
     /// The free run of all stretches, flat; false if it cannot be evaluated or leaves the range of numbers.
     pub(crate) fn run(&mut self, x: &[f64], starts: &[Vec<f64>], out: &mut [f64]) -> bool {
-        self.runs += 1;
         let setting = self.setting;
         let free = setting.free();
         if self.simulator.set(&setting.map.theta(&x[..free]), &x[free..]).is_err() {
