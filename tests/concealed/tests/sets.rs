@@ -69,3 +69,15 @@ fn origins_make_the_same_recipe_again() {
         assert_eq!(recipe(set(&name).unwrap(), seed, index, count), r);
     }
 }
+
+#[test]
+fn no_robot_runs_away() {
+    for (recipe, case) in cases("singles", 8, 29) {
+        let (_, train) = &case.files[0];
+        let rows: Vec<Vec<f64>> = train.lines().skip(1).map(|l| l.split(',').map(|x| x.parse().unwrap()).collect()).collect();
+        for (asked, got) in [(1, 3), (2, 4)] {
+            let most = |k: usize| rows.iter().map(|r| r[k].abs()).fold(0.0, f64::max);
+            assert!(most(got) < 2.5 * most(asked), "{:?}: {} of {}", recipe.effects, most(got), most(asked));
+        }
+    }
+}

@@ -57,6 +57,12 @@ pub struct Machine {
     pub kind: Kind,
 }
 
+/// Share of the yaw servo's stiffness that a robot's own middle of mass may take at speed.
+const STEADY: f64 = 0.25;
+
+/// Fastest forward set-point over the typical one.
+const FASTEST: f64 = 1.6;
+
 /// What a robot is drawn with.
 struct Scale {
     mass: f64,
@@ -109,8 +115,10 @@ impl Machine {
         scale.style = style.unwrap_or(scale.style);
         let Scale { mass, half_track, radius, typical, time, style } = scale;
         let rim_mass = mass * rng.random_range(0.03..0.15);
-        let forward = rng.random_range(-0.3..0.3) * half_track;
         let gyration = half_track * rng.random_range(0.7..1.15);
+        // At speed, a middle of mass behind the axle works against the servo; far enough behind, the robot would spin.
+        let softest = if style == Style::Twist { gyration * gyration / time[1] } else { half_track * half_track / time[0] };
+        let forward = rng.random_range(-1.0..1.0) * (0.3 * half_track).min(STEADY * softest / (FASTEST * typical[0]));
         let body = Body { mass, inertia: mass * gyration * gyration, forward, left: 0.0 };
         let moved = [mass + 2.0 * rim_mass, body.matrix()[1][1] + 2.0 * half_track * half_track * rim_mass];
 
@@ -200,6 +208,11 @@ impl Machine {
         self.firmware.control.rate_gain = extra * motor.resistance * radius / (2.0 * motor.torque_constant);
         self.moved[0] += extra;
         self.moved[1] += extra * self.firmware.half_track * self.firmware.half_track;
+    }
+
+    /// Largest moment of mass about the axle [kg m] at which `share` of the yaw servo's stiffness is at most lost at speed.
+    pub fn steady_moment(&self, share: f64) -> f64 {
+        share * self.servo[1] / (FASTEST * self.typical[0])
     }
 
     /// Forward and yaw time constants [s] of the servo.

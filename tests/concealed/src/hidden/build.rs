@@ -57,7 +57,10 @@ pub(super) fn load(s: &Subject, rng: &mut StdRng) -> (Load, f64) {
     let body = &s.machine.rig.body;
     let begin = s.span.0 + rng.random_range(0.2..0.75) * (s.span.1 - s.span.0);
     let mass = s.strength * body.mass;
-    let carried = Body { mass, inertia: 0.25 * mass * h * h, forward: body.forward + rng.random_range(-0.3..0.3) * h, left: 0.0 };
+    let wanted = mass * (body.forward + rng.random_range(-0.3..0.3) * h);
+    let (own, most) = (body.mass * body.forward, s.machine.steady_moment(0.4));
+    let forward = ((own + wanted).clamp(-most, most) - own) / mass;
+    let carried = Body { mass, inertia: 0.25 * mass * h * h, forward, left: 0.0 };
     (Load { body: carried, on: (begin, begin), off: (f64::INFINITY, f64::INFINITY) }, begin)
 }
 
