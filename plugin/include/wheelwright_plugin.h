@@ -1,12 +1,12 @@
-/* wheelwright_plugin.h: robots and models of Wheelwright in a shared library.
+/* wheelwright_plugin.h: robots, models and effects of Wheelwright in a shared library.
  *
  * A library exports one function, wheelwright_plugin(), that returns a static ww_plugin: who it is and NULL-terminated lists
- * of what it offers. The guide is docs/plugins.md; examples/plugins/c holds a robot and a model.
+ * of what it offers. The guide is docs/plugins.md; examples/plugins/c holds a robot, a model and an effect.
  *
  * Rules
  *  - Nothing is allocated on one side and freed on the other. Texts and arrays that the library hands out stay valid and
- *    unchanged: those of ww_plugin, ww_robot and ww_model for ever (a library is never unloaded), those written to an info
- *    until close. Texts are UTF-8.
+ *    unchanged: those of ww_plugin, ww_robot, ww_model and ww_effect for ever (a library is never unloaded), those written to an
+ *    info until close (or release). Texts are UTF-8.
  *  - Configuration arrives as TOML text: the user's table with `type`, one `dotted.key = value` a line, values on one line.
  *  - A call that fails returns a status and writes a message with ww_fail(). A WW_CONFIG message that begins with `key`: (in
  *    backticks) puts the error at that key; a WW_TIMEOUT message may begin with the limit, as in "0.5 s: no odometry".
@@ -30,7 +30,7 @@ extern "C" {
 #endif
 
 /* Raised with every change of a structure or a rule; a host loads exactly its own version. */
-#define WW_ABI_VERSION 1u
+#define WW_ABI_VERSION 2u
 
 #if defined(_WIN32)
 #define WW_EXPORT __declspec(dllexport)
@@ -135,6 +135,163 @@ typedef struct ww_model {
     void (*close)(void *handle);
 } ww_model;
 
+/* ---- effects: physics that a model leaves out, see docs/plugins.md ---- */
+
+/* Where an effect acts; effects of one simulation act in this order. */
+enum {
+    WW_TRANSPORT = 0, /* command: delay */
+    WW_RAMP = 1,      /* command: limit of its rate of change */
+    WW_THRESHOLD = 2, /* command: dead zone */
+    WW_LIMIT = 3,     /* command: limit of its size */
+    WW_GAIN = 4,      /* command: gains */
+    WW_FILTER = 5,    /* command: filters */
+    WW_LOOP = 6,      /* command: an outer loop that compares with the outputs */
+    WW_LOAD = 7,      /* dynamics: input used up by a force */
+    WW_DRIVE = 8,     /* dynamics: what is left to accelerate */
+    WW_READING = 9,   /* measurement: when the outputs are looked at */
+    WW_SENSOR = 10    /* measurement: what is recorded of them */
+};
+
+/* How a model's channels are motion. */
+enum {
+    WW_BODY = 0,    /* v_ref, omega_ref -> v, omega; wheel speeds are v -+ half_track omega */
+    WW_SIDES = 1,   /* u_left, u_right -> vel_left, vel_right */
+    WW_CHANNELS = 2 /* nothing is known */
+};
+
+/* Another effect (or parameter of the model) that looks alike, and why, in one sentence. */
+typedef struct ww_confusion {
+    const char *with;
+    const char *because;
+} ww_confusion;
+
+/* An effect with its settings; written by `open`, zeroed before. */
+typedef struct ww_effect_info {
+    const char *family;     /* variants of one cause share one; NULL: its name */
+    const char *excitation; /* the motion that shows it */
+    const ww_confusion *confusions;
+    size_t n_confusions;
+    uint32_t stage; /* WW_TRANSPORT ... WW_SENSOR */
+    uint32_t reserved;
+} ww_effect_info;
+
+/* What an effect may know of a recording: typical sizes. The host's, valid until `release`. */
+typedef struct ww_scene {
+    const ww_channel *inputs;
+    const ww_channel *outputs;
+    const double *input_rms;     /* root mean square of each input */
+    const double *input_largest; /* largest magnitude of each */
+    const double *output_rms;
+    size_t n_inputs;
+    size_t n_outputs;
+    double half_track;      /* half the track width [m]; NAN without wheels */
+    double wheel_radius;    /* [m]; NAN if not known */
+    double speed;           /* root mean square of the wheels' ground speeds [m/s]; of all outputs without wheels */
+    double command;         /* root mean square of the wheels' commands */
+    double largest_command; /* largest magnitude of a wheel's command */
+    double start;           /* first and last time of the recording [s] */
+    double end;
+    double period; /* median step between samples [s] */
+    uint32_t frame; /* WW_BODY, WW_SIDES or WW_CHANNELS */
+    uint32_t reserved;
+} ww_scene;
+
+/* A parameter of an effect. */
+typedef struct ww_effect_parameter {
+    const char *name;
+    const char *unit;
+    const char *label_kind; /* "wheel", "axis", or NULL */
+    const char *label;      /* "left", "omega", or NULL */
+    double lower;           /* physical bounds: a friction is not negative; -INFINITY and INFINITY are allowed */
+    double upper;
+    double scale;   /* plausible size: starts and difference steps are measured in it */
+    double neutral; /* the value at which it does nothing; NAN for a shape that has none */
+} ww_effect_parameter;
+
+/* A point from which an effect is tried. */
+typedef struct ww_start {
+    const double *values;   /* one a parameter */
+    const int32_t *columns; /* one a parameter: number of its column of the screening, from 0; -1: it keeps its value throughout */
+    uint32_t linear;        /* 1: the response is proportional to the columns' parameters */
+    uint32_t reserved;
+} ww_start;
+
+/* An effect on a scene; written by `prepare`, zeroed before. */
+typedef struct ww_prepared_info {
+    const char *inapplicable; /* the reason why it cannot act here, or NULL; nothing else is read then */
+    const ww_effect_parameter *parameters;
+    const ww_start *starts;
+    size_t n_parameters;
+    size_t n_starts;
+    size_t n_states; /* numbers of its own, in every call from `begin` on */
+} ww_prepared_info;
+
+/* What was recorded. Columns of `rows` values; a command is held from its time to the next. */
+typedef struct ww_stretch {
+    const double *time;
+    const double *const *inputs;
+    const double *const *outputs;
+    const double *heading;        /* measured [rad]; NULL without wheels */
+    const double *distance_left;  /* measured, rolled by the left wheel [m]; NULL without wheels */
+    const double *distance_right;
+    size_t rows;
+} ww_stretch;
+
+/* One instant of a simulation. */
+typedef struct ww_instant {
+    double time; /* [s], on the recording's clock */
+    double span; /* time that passes up to now in this call; 0 where a state is only looked at */
+    size_t row;  /* whose command is held */
+    const ww_stretch *stretch;
+    uint32_t interval_mean; /* 1 where outputs are recorded as means since the sample before */
+    uint32_t reserved;
+} ww_instant;
+
+/* A value with its 95 % interval; NAN where there is none. */
+typedef struct ww_estimate {
+    double value;
+    double lower;
+    double upper;
+} ww_estimate;
+
+/* Writes the true outputs at an earlier time of the stretch. */
+typedef void (*ww_past)(const void *host, double time, double *outputs);
+
+/* An effect. `p` are its parameters' values, `state` its n_states numbers. An effect fills the hooks of its stage and leaves the
+ * others NULL. Hooks are the innermost loop, may come from several threads at once, and allocate and wait for nothing; a hook that
+ * fails writes NAN. */
+typedef struct ww_effect {
+    const char *name;
+    const char *about;
+    const char *const *keys;
+    ww_status (*check)(const char *config, const ww_message *message); /* may be NULL */
+    ww_status (*open)(const char *config, ww_effect_info *info, void **handle, const ww_message *message);
+    /* Suits it to a scene. */
+    ww_status (*prepare)(const void *handle, const ww_scene *scene, ww_prepared_info *info, void **prepared, const ww_message *message);
+    /* Writes one plain sentence with magnitudes and units: return ww_fail(text, WW_OK, "the wheels need %.2f V to move", value); */
+    ww_status (*statement)(const void *prepared, const ww_estimate *values, const ww_message *text);
+    /* Sets the state at the start of a stretch. NULL: zeros. */
+    void (*begin)(const void *prepared, const double *p, const ww_instant *at, const double *inputs, const double *outputs, double *state);
+    /* The next time at which it switches by itself, so that no step spans it; INFINITY if never. NULL: never. */
+    double (*next_switch)(const void *prepared, const double *p, const ww_instant *at, const double *state);
+    /* Command stages: lets `span` pass and changes u from what arrived to what goes on. A span of 0 follows each switch. */
+    void (*command)(const void *prepared, const double *p, const ww_instant *at, const double *outputs, double *state, double *u);
+    /* WW_LOAD: adds the input that is used up. */
+    void (*load)(const void *prepared, const double *p, const ww_instant *at, const double *outputs, const double *state, double *load);
+    /* WW_DRIVE: changes the input that is left for acceleration. `inertia`, inputs x outputs, is the input that a unit of each
+     * acceleration needs. */
+    void (*drive)(const void *prepared, const double *p, const ww_instant *at, const double *u, const double *outputs,
+                  const double *inertia, const double *state, double *drive);
+    /* WW_LOAD and WW_DRIVE with state: lets `span` pass. */
+    void (*advance)(const void *prepared, const double *p, const ww_instant *at, const double *outputs, const double *drive,
+                    double *state);
+    /* WW_READING and WW_SENSOR: changes the outputs that are recorded at a sample. */
+    void (*measure)(const void *prepared, const double *p, const ww_instant *at, ww_past past, const void *host, double *state,
+                    double *outputs);
+    void (*release)(void *prepared); /* ends what `prepare` made */
+    void (*close)(void *handle);     /* the last call; everything prepared was released before */
+} ww_effect;
+
 /* Version and sizes as the library was compiled; write WW_HEADER. */
 typedef struct ww_header {
     uint32_t abi_version; /* first for ever */
@@ -145,6 +302,12 @@ typedef struct ww_header {
     uint32_t size_model_info;
     uint32_t size_channel;
     uint32_t size_parameter;
+    uint32_t size_effect;
+    uint32_t size_effect_info;
+    uint32_t size_scene;
+    uint32_t size_effect_parameter;
+    uint32_t size_prepared_info;
+    uint32_t size_instant;
 } ww_header;
 
 /* What a library offers. Lists end with NULL; a NULL list is empty. */
@@ -155,14 +318,16 @@ typedef struct ww_plugin {
     const ww_robot *const *robots;
     const ww_model *const *models;
     const void *const *solvers; /* reserved for a later version: NULL */
-    const void *const *effects; /* reserved for a later version: NULL */
+    const ww_effect *const *effects;
 } ww_plugin;
 
 #define WW_HEADER                                                                                                              \
     {                                                                                                                          \
         WW_ABI_VERSION, (uint32_t)sizeof(ww_plugin), (uint32_t)sizeof(ww_robot), (uint32_t)sizeof(ww_robot_info),              \
             (uint32_t)sizeof(ww_model), (uint32_t)sizeof(ww_model_info), (uint32_t)sizeof(ww_channel),                         \
-            (uint32_t)sizeof(ww_parameter)                                                                                     \
+            (uint32_t)sizeof(ww_parameter), (uint32_t)sizeof(ww_effect), (uint32_t)sizeof(ww_effect_info),                     \
+            (uint32_t)sizeof(ww_scene), (uint32_t)sizeof(ww_effect_parameter), (uint32_t)sizeof(ww_prepared_info),             \
+            (uint32_t)sizeof(ww_instant)                                                                                       \
     }
 
 /* The one exported symbol. */
@@ -257,6 +422,15 @@ WW_HELPER ww_status ww_text(const char *config, const char *key, char *value, si
     return WW_OK;
 }
 
+/* The command that was held at a time, not later than now; before the stretch, its first. */
+WW_HELPER double ww_held(const ww_instant *at, double time, size_t input)
+{
+    size_t row = at->row;
+    while (row > 0 && at->stretch->time[row] > time)
+        row--;
+    return at->stretch->inputs[input][row];
+}
+
 /* ---- the layout, checked where pointers have 64 bits; the host checks the same numbers ---- */
 
 #if defined(__cplusplus)
@@ -274,9 +448,16 @@ WW_LAYOUT(sizeof(ww_parameter) == 48 && offsetof(ww_parameter, excitation) == 24
 WW_LAYOUT(sizeof(ww_model_info) == 88 && offsetof(ww_model_info, free_names) == 24 && offsetof(ww_model_info, n_inputs) == 48 &&
           offsetof(ww_model_info, n_free) == 80);
 WW_LAYOUT(sizeof(ww_model) == 64 && offsetof(ww_model, check) == 24 && offsetof(ww_model, regressor) == 40 && offsetof(ww_model, close) == 56);
-WW_LAYOUT(sizeof(ww_header) == 32 && offsetof(ww_header, size_parameter) == 28);
-WW_LAYOUT(sizeof(ww_plugin) == 80 && offsetof(ww_plugin, name) == 32 && offsetof(ww_plugin, robots) == 48 &&
-          offsetof(ww_plugin, effects) == 72);
+WW_LAYOUT(sizeof(ww_header) == 56 && offsetof(ww_header, size_parameter) == 28 && offsetof(ww_header, size_instant) == 52);
+WW_LAYOUT(sizeof(ww_plugin) == 104 && offsetof(ww_plugin, name) == 56 && offsetof(ww_plugin, robots) == 72 &&
+          offsetof(ww_plugin, effects) == 96);
+WW_LAYOUT(sizeof(ww_effect_info) == 40 && offsetof(ww_effect_info, stage) == 32);
+WW_LAYOUT(sizeof(ww_scene) == 128 && offsetof(ww_scene, n_inputs) == 40 && offsetof(ww_scene, frame) == 120);
+WW_LAYOUT(sizeof(ww_effect_parameter) == 64 && offsetof(ww_effect_parameter, neutral) == 56);
+WW_LAYOUT(sizeof(ww_start) == 24 && sizeof(ww_prepared_info) == 48 && offsetof(ww_prepared_info, n_states) == 40);
+WW_LAYOUT(sizeof(ww_stretch) == 56 && sizeof(ww_instant) == 40 && offsetof(ww_instant, stretch) == 24);
+WW_LAYOUT(sizeof(ww_estimate) == 24 && sizeof(ww_effect) == 128 && offsetof(ww_effect, command) == 72 &&
+          offsetof(ww_effect, close) == 120);
 #endif
 
 #ifdef __cplusplus

@@ -6,17 +6,17 @@
 use std::fmt;
 
 use toml::Table;
-use wheelwright_core::conformance::{Violation, check_model, check_robot};
+use wheelwright_core::conformance::{Violation, check_effect, check_model, check_robot};
 use wheelwright_core::model::ModelError;
 use wheelwright_core::robot::{Live, RobotError};
 
 use crate::alone;
 use crate::deadline::within;
 use crate::error::PluginError;
-use crate::host::library::{Library, ModelTable, RobotTable};
+use crate::host::library::{EffectTable, Library, ModelTable, RobotTable};
 use crate::registry::{Kind, Registry, is_type};
 
-/// How one robot or model did.
+/// How one robot, model or effect did.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Outcome {
     /// Every promise was kept.
@@ -27,7 +27,7 @@ pub enum Outcome {
     Broken(Vec<String>),
 }
 
-/// One robot or model with its outcome.
+/// One of what a library offers, with its outcome.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Checked {
     /// What it is.
@@ -45,7 +45,7 @@ pub struct Checked {
 pub struct Report {
     /// Name and version, as the library says.
     pub library: String,
-    /// Each robot, then each model.
+    /// Each robot, then each model, then each effect.
     pub checked: Vec<Checked>,
 }
 
@@ -95,7 +95,13 @@ pub fn check(library: Library, settings: &[Table]) -> Result<Report, PluginError
         about: offer.about.clone(),
         outcome: model(&registry, table(offer.name), own),
     });
-    let checked = robots.chain(models).collect();
+    let effects = library.effects.iter().map(|own @ EffectTable { offer, .. }| Checked {
+        kind: Kind::Effect,
+        name: offer.name.to_owned(),
+        about: offer.about.clone(),
+        outcome: effect(&registry, table(offer.name), own),
+    });
+    let checked = robots.chain(models).chain(effects).collect();
     Ok(Report { library: format!("{} {} ({})", library.name(), library.version(), library.path().display()), checked })
 }
 
@@ -128,6 +134,16 @@ fn model(registry: &Registry, table: Table, own: &ModelTable) -> Outcome {
     };
     let limit = own.offer.limits.open;
     within(own.offer.name, limit, call).unwrap_or_else(|late| Outcome::Broken(vec![own.offer.not_returned("evaluating it", late)]))
+}
+
+fn effect(registry: &Registry, table: Table, own: &EffectTable) -> Outcome {
+    let effect = match registry.effect(table) {
+        Ok(effect) => effect,
+        Err(error) => return Outcome::NeedsSettings(error.to_string()),
+    };
+    let limit = own.offer.limits.open;
+    let call = move || found(check_effect(&*effect));
+    within(own.offer.name, limit, call).unwrap_or_else(|late| Outcome::Broken(vec![own.offer.not_returned("simulating with it", late)]))
 }
 
 fn found(result: Result<(), Vec<Violation>>) -> Outcome {

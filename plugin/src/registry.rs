@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use serde::de::DeserializeOwned;
 use serde::{Serialize, Serializer};
 use toml::{Table, Value};
+use wheelwright_core::Effect;
 use wheelwright_core::config::{self, ConfigError};
 use wheelwright_core::model::{ModelConfig, ModelError, RegressorModel};
 use wheelwright_core::robot::{Robot, RobotConfig, RobotError};
@@ -13,7 +14,7 @@ use crate::alone;
 use crate::error::PluginError;
 use crate::host::library::{Library, ModelTable, PluginEntry, RobotTable};
 use crate::host::offer::{Offer, c_config};
-use crate::host::{model, robot};
+use crate::host::{effect, model, robot};
 
 /// What a name stands for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -23,14 +24,17 @@ pub enum Kind {
     Robot,
     /// `[model]`.
     Model,
+    /// `[[effect]]`.
+    Effect,
 }
 
 impl Kind {
-    /// `robot` or `model`.
+    /// `robot`, `model` or `effect`.
     pub fn word(self) -> &'static str {
         match self {
             Self::Robot => "robot",
             Self::Model => "model",
+            Self::Effect => "effect",
         }
     }
 }
@@ -93,10 +97,11 @@ impl Registry {
         &self.libraries
     }
 
-    /// All robots and models: built-in ones by name, then each library's in its own order.
+    /// All robots, models and effects: built-in ones by name, then each library's in its own order.
     pub fn list(&self) -> Vec<Listed> {
         let mut list = built_ins::<Box<dyn RobotConfig>>(Kind::Robot, |robot| robot.about());
         list.extend(built_ins::<Box<dyn ModelConfig>>(Kind::Model, |model| model.about()));
+        list.extend(built_ins::<Box<dyn Effect>>(Kind::Effect, |effect| effect.about()));
         list.extend(self.libraries.iter().flat_map(loaded));
         list
     }
@@ -123,6 +128,19 @@ impl Registry {
         };
         own.offer.accept(Kind::Model.word(), &table)?;
         Ok(Box::new(LoadedModel { own: own.clone(), table }))
+    }
+
+    /// The effect of an `[[effect]]` table.
+    ///
+    /// # Errors
+    /// As [`robot`](Self::robot).
+    pub fn effect(&self, table: Table) -> Result<Box<dyn Effect>, ConfigError> {
+        let Some(own) = self.libraries.iter().flat_map(|l| &l.effects).find(|e| is_type(&table, e.offer.name)) else {
+            return self.built_in(Kind::Effect, table);
+        };
+        own.offer.accept(Kind::Effect.word(), &table)?;
+        let who = format!("plugin effect `{}`", own.offer.name);
+        Ok(Box::new(effect::open(own, table).map_err(|failure| failure.into_config_error(&who))?))
     }
 
     /// A built-in, or the error that names everything there is.
@@ -155,11 +173,12 @@ fn loaded(library: &Library) -> Vec<Listed> {
         library: Some(library.path().to_owned()),
     };
     let robots = library.robots.iter().map(|r| line(Kind::Robot, &r.offer));
-    robots.chain(library.models.iter().map(|m| line(Kind::Model, &m.offer))).collect()
+    let models = library.models.iter().map(|m| line(Kind::Model, &m.offer));
+    robots.chain(models).chain(library.effects.iter().map(|e| line(Kind::Effect, &e.offer))).collect()
 }
 
 /// The settings of a table, as typetag would write those of a built-in: its name goes around them.
-fn settings<S: Serializer>(table: &Table, serializer: S) -> Result<S::Ok, S::Error> {
+pub(crate) fn settings<S: Serializer>(table: &Table, serializer: S) -> Result<S::Ok, S::Error> {
     serializer.collect_map(table.iter().filter(|(key, _)| *key != "type"))
 }
 

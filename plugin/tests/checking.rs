@@ -25,12 +25,13 @@ fn the_examples_pass() {
     let expected = format!(
         "wheelwright-example-plugin {version} ({})\n  \
          robot \"second-order-base\" (a base with second-order velocity loops, from the example plugin): ok\n  \
-         model \"lag\" (a time constant and a gain for each velocity, from the example plugin): ok\n",
+         model \"lag\" (a time constant and a gain for each velocity, from the example plugin): ok\n  \
+         effect \"bus_period\" (commands pass at the ticks of a slow bus, from the example plugin): ok\n",
         example.display()
     );
     assert_eq!(rust.to_string(), expected);
     if has_c_compiler() {
-        for name in ["robot", "model"] {
+        for name in ["robot", "model", "effect"] {
             let c = report(&compile(&format!("examples/plugins/c/{name}.c"), &[], &format!("check_{name}")));
             assert_eq!(c.checked.iter().map(|c| &c.outcome).collect::<Vec<_>>(), [&Outcome::Kept], "{c}");
         }

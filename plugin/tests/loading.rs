@@ -26,7 +26,7 @@ fn a_broken_descriptor_is_refused_by_what_is_wrong_with_it() {
         return;
     }
     let table = [
-        ("WRONG_VERSION", "it speaks plugin interface 2, this program speaks 1"),
+        ("WRONG_VERSION", "it speaks plugin interface 1, this program speaks 2"),
         ("WRONG_SIZE", "its `ww_robot_info` has 48 bytes, this program's 40"),
         ("NO_SYMBOL", "it does not export `wheelwright_plugin`"),
         ("NULL_DESCRIPTOR", "wheelwright_plugin: the descriptor is NULL"),
@@ -37,8 +37,8 @@ fn a_broken_descriptor_is_refused_by_what_is_wrong_with_it() {
         ("NOT_UTF8", "robot 1: name is not UTF-8 (byte 1)"),
         ("NULL_FUNCTION", "robot 1: the function `step` is NULL"),
         ("TWIN_NAMES", "robots: the name \"mock\" appears twice"),
-        ("OFFERS_NOTHING", "it offers neither a robot nor a model"),
-        ("RESERVED", "solvers and effects are reserved in this version and must be NULL"),
+        ("OFFERS_NOTHING", "it offers neither a robot nor a model nor an effect"),
+        ("RESERVED", "solvers are reserved in this version and must be NULL"),
     ];
     for (define, expected) in table {
         let (text, failure) = said(&[define]);

@@ -22,6 +22,7 @@ fn the_example_plugin_looks_like_a_built_in() {
     let expected = [
         ("robot", "second-order-base", "a base with second-order velocity loops, from the example plugin"),
         ("model", "lag", "a time constant and a gain for each velocity, from the example plugin"),
+        ("effect", "bus_period", "commands pass at the ticks of a slow bus, from the example plugin"),
     ];
     assert_eq!(own, expected);
     let error = registry.robot(table("type = \"second-order-base\"\nbandwith = 3")).unwrap_err();

@@ -5,6 +5,7 @@
 
 #![allow(unsafe_code)]
 
+mod effect;
 mod model;
 mod robot;
 
@@ -14,6 +15,7 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::OnceLock;
 
 use toml::Table;
+use wheelwright_core::Effect;
 use wheelwright_core::channel::Channel;
 use wheelwright_core::config;
 use wheelwright_core::model::ModelConfig;
@@ -24,24 +26,28 @@ use crate::alone::about;
 use crate::message;
 use crate::status::Failure;
 
-/// Makes a crate of type `cdylib` a Wheelwright plugin. Its robots and models are `#[typetag::serde]` implementations of
-/// [`RobotConfig`] and [`ModelConfig`], as built-in ones are.
+/// Makes a crate of type `cdylib` a Wheelwright plugin. Its robots, models and effects are `#[typetag::serde]` implementations
+/// of [`RobotConfig`], [`ModelConfig`] and [`Effect`], as built-in ones are.
 ///
 /// ```ignore
-/// wheelwright_plugin::export! { robots: ["my-base"], models: ["my-model"] }
+/// wheelwright_plugin::export! { robots: ["my-base"], models: ["my-model"], effects: ["my_effect"] }
 /// ```
+///
+/// Each kind may be left out; the order is that of the example.
 ///
 /// Without names, `export!()` offers everything that the crate and the crates it links register. A plugin that uses
 /// `wheelwright-models` must name its own, or it would offer `vw-pd` once more and be refused.
 #[macro_export]
 macro_rules! export {
-    () => { $crate::export!(@ None, None); };
-    (robots: [$($robot:literal),* $(,)?] $(,)?) => { $crate::export!(@ Some(&[$($robot),*]), Some(&[])); };
-    (models: [$($model:literal),* $(,)?] $(,)?) => { $crate::export!(@ Some(&[]), Some(&[$($model),*])); };
-    (robots: [$($robot:literal),* $(,)?], models: [$($model:literal),* $(,)?] $(,)?) => {
-        $crate::export!(@ Some(&[$($robot),*]), Some(&[$($model),*]));
+    () => { $crate::export!(@ None, None, None); };
+    (
+        $(robots: [$($robot:literal),* $(,)?] $(,)?)?
+        $(models: [$($model:literal),* $(,)?] $(,)?)?
+        $(effects: [$($effect:literal),* $(,)?] $(,)?)?
+    ) => {
+        $crate::export!(@ Some(&[$($($robot),*)?]), Some(&[$($($model),*)?]), Some(&[$($($effect),*)?]));
     };
-    (@ $robots:expr, $models:expr) => {
+    (@ $robots:expr, $models:expr, $effects:expr) => {
         #[cfg(panic = "abort")]
         compile_error!("a Wheelwright plugin must be compiled with panic = \"unwind\": a panic has to become an error of the host");
 
@@ -50,7 +56,7 @@ macro_rules! export {
         #[unsafe(no_mangle)]
         pub extern "C" fn wheelwright_plugin() -> *const $crate::abi::Plugin {
             let crate_name = (env!("CARGO_PKG_NAME"), env!("CARGO_PKG_VERSION"));
-            $crate::export::descriptor(crate_name, $crate::export::Selection { robots: $robots, models: $models })
+            $crate::export::descriptor(crate_name, $crate::export::Selection { robots: $robots, models: $models, effects: $effects })
         }
     };
 }
@@ -62,6 +68,8 @@ pub struct Selection {
     pub robots: Option<&'static [&'static str]>,
     /// Models.
     pub models: Option<&'static [&'static str]>,
+    /// Effects.
+    pub effects: Option<&'static [&'static str]>,
 }
 
 /// The descriptor of the library that this crate is linked into, made once and never freed; null if making it panics.
@@ -83,6 +91,10 @@ pub fn descriptor((name, version): (&str, &str), selection: Selection) -> *const
             let about = about::<Box<dyn ModelConfig>>(&name, |model| model.about());
             model::table(forever(&name), forever(&about))
         });
+        let effects = names::<Box<dyn Effect>>(selection.effects).into_iter().map(|name| {
+            let about = about::<Box<dyn Effect>>(&name, |effect| effect.about());
+            effect::table(forever(&name), forever(&about))
+        });
         let plugin = abi::Plugin {
             header: abi::Header::OWN,
             name: forever(name),
@@ -90,7 +102,7 @@ pub fn descriptor((name, version): (&str, &str), selection: Selection) -> *const
             robots: list(robots),
             models: list(models),
             solvers: std::ptr::null(),
-            effects: std::ptr::null(),
+            effects: list(effects),
         };
         Descriptor(Box::leak(Box::new(plugin)))
     };
@@ -117,7 +129,7 @@ fn c_text(text: &str) -> CString {
 }
 
 /// C channels, and the texts they point to.
-fn c_channels(channels: &[Channel], texts: &mut Vec<CString>) -> Vec<abi::Channel> {
+pub(crate) fn c_channels(channels: &[Channel], texts: &mut Vec<CString>) -> Vec<abi::Channel> {
     let each = channels.iter().map(|channel| abi::Channel { name: keep(&channel.name, texts), unit: keep(&channel.unit, texts) });
     each.collect()
 }
@@ -192,4 +204,11 @@ unsafe fn slice<'a>(pointer: *const f64, count: usize) -> &'a [f64] {
 unsafe fn slice_mut<'a>(pointer: *mut f64, count: usize) -> &'a mut [f64] {
     // SAFETY: as the caller vouches.
     if pointer.is_null() || count == 0 { &mut [] } else { unsafe { std::slice::from_raw_parts_mut(pointer, count) } }
+}
+
+/// Ends something of the library's. There is nobody to report to, and dropping a payload may panic in turn.
+fn end(call: impl FnOnce()) {
+    if let Err(payload) = catch_unwind(AssertUnwindSafe(call)) {
+        std::mem::forget(payload);
+    }
 }

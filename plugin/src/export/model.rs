@@ -1,7 +1,6 @@
 //! A Rust model behind the C table.
 
 use std::ffi::{CString, c_char, c_void};
-use std::panic::{AssertUnwindSafe, catch_unwind};
 
 use wheelwright_core::model::{ModelConfig, RegressorModel, Sample};
 
@@ -147,9 +146,5 @@ unsafe extern "C" fn accelerations(
 
 unsafe extern "C" fn close(handle: *mut c_void) {
     // SAFETY: the handle comes from `Box::into_raw` in `open`, and this is its last call.
-    let close = || drop(unsafe { Box::from_raw(handle.cast::<Handle>()) });
-    // As for robots: nothing to report to, and the payload must not be dropped.
-    if let Err(payload) = catch_unwind(AssertUnwindSafe(close)) {
-        std::mem::forget(payload);
-    }
+    super::end(|| drop(unsafe { Box::from_raw(handle.cast::<Handle>()) }));
 }

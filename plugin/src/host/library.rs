@@ -130,6 +130,31 @@ pub(crate) struct ModelTable {
     pub(crate) close: abi::Close,
 }
 
+/// An effect of a library.
+#[derive(Debug, Clone)]
+pub(crate) struct EffectTable {
+    pub(crate) offer: Offer,
+    pub(crate) open: abi::OpenEffect,
+    pub(crate) prepare: abi::Prepare,
+    pub(crate) statement: abi::Statement,
+    pub(crate) release: abi::Close,
+    pub(crate) close: abi::Close,
+    /// The table, for the hooks that it may leave out.
+    pub(crate) hooks: EffectHooks,
+}
+
+/// What an effect may do while a simulation runs.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct EffectHooks {
+    pub(crate) begin: Option<abi::Begin>,
+    pub(crate) next_switch: Option<abi::NextSwitch>,
+    pub(crate) command: Option<abi::Command>,
+    pub(crate) load: Option<abi::Load>,
+    pub(crate) drive: Option<abi::Drive>,
+    pub(crate) advance: Option<abi::Advance>,
+    pub(crate) measure: Option<abi::Observe>,
+}
+
 /// A loaded library. It is never unloaded: its code may be on a stack, in a callback or in a thread of its own.
 #[derive(Debug, Clone)]
 pub struct Library {
@@ -138,6 +163,7 @@ pub struct Library {
     version: String,
     pub(crate) robots: Vec<RobotTable>,
     pub(crate) models: Vec<ModelTable>,
+    pub(crate) effects: Vec<EffectTable>,
 }
 
 impl Library {
@@ -235,16 +261,18 @@ unsafe fn accept(path: &Path, descriptor: *const abi::Plugin, limits: Limits) ->
             version: read::name(plugin.version, "version").map_err(|e| invalid("the descriptor", e))?,
             robots: tables(plugin.robots, "robot", |table| robot(table, limits)).map_err(|(place, e)| invalid(&place, e))?,
             models: tables(plugin.models, "model", |table| model(table, limits)).map_err(|(place, e)| invalid(&place, e))?,
+            effects: tables(plugin.effects, "effect", |table| effect(table, limits)).map_err(|(place, e)| invalid(&place, e))?,
         }
     };
-    if !plugin.solvers.is_null() || !plugin.effects.is_null() {
-        return Err(invalid("the descriptor", "solvers and effects are reserved in this version and must be NULL".to_owned()));
+    if !plugin.solvers.is_null() {
+        return Err(invalid("the descriptor", "solvers are reserved in this version and must be NULL".to_owned()));
     }
-    if library.robots.is_empty() && library.models.is_empty() {
-        return Err(invalid("the descriptor", "it offers neither a robot nor a model".to_owned()));
+    if library.robots.is_empty() && library.models.is_empty() && library.effects.is_empty() {
+        return Err(invalid("the descriptor", "it offers neither a robot nor a model nor an effect".to_owned()));
     }
     read::distinct(library.robots.iter().map(|r| r.offer.name), "robots").map_err(|e| invalid("the descriptor", e))?;
     read::distinct(library.models.iter().map(|m| m.offer.name), "models").map_err(|e| invalid("the descriptor", e))?;
+    read::distinct(library.effects.iter().map(|e| e.offer.name), "effects").map_err(|e| invalid("the descriptor", e))?;
     Ok(library)
 }
 
@@ -294,5 +322,20 @@ unsafe fn model(table: abi::Model, limits: Limits) -> Result<ModelTable, String>
         regressor: required(table.regressor, "regressor")?,
         accelerations: table.accelerations,
         close: required(table.close, "close")?,
+    })
+}
+
+unsafe fn effect(table: abi::Effect, limits: Limits) -> Result<EffectTable, String> {
+    // SAFETY: as the caller vouches.
+    let offer = unsafe { Offer::read(table.name, table.about, table.keys, table.check, limits) }?;
+    let abi::Effect { begin, next_switch, command, load, drive, advance, measure, .. } = table;
+    Ok(EffectTable {
+        offer,
+        open: required(table.open, "open")?,
+        prepare: required(table.prepare, "prepare")?,
+        statement: required(table.statement, "statement")?,
+        release: required(table.release, "release")?,
+        close: required(table.close, "close")?,
+        hooks: EffectHooks { begin, next_switch, command, load, drive, advance, measure },
     })
 }

@@ -1,5 +1,6 @@
-//! The host's side: load a library, check what it hands out, and make its robots and models look like built-in ones.
+//! The host's side: load a library, check what it hands out, and make its robots, models and effects look like built-in ones.
 
+pub(crate) mod effect;
 pub(crate) mod file;
 pub(crate) mod library;
 pub(crate) mod model;

@@ -240,14 +240,14 @@ const ww_plugin *wheelwright_plugin(void)
 #elif defined(MISALIGNED)
     return (const ww_plugin *)((const char *)&plugin + 1);
 #elif defined(WRONG_VERSION)
-    plugin.header.abi_version = 2;
+    plugin.header.abi_version = 1;
 #elif defined(WRONG_SIZE)
     plugin.header.size_robot_info = 48;
 #elif defined(OFFERS_NOTHING)
     plugin.robots = NULL;
     plugin.models = NULL;
 #elif defined(RESERVED)
-    plugin.effects = (const void *const *)MODELS;
+    plugin.solvers = (const void *const *)MODELS;
 #elif defined(NULL_VERSION)
     plugin.version = NULL;
 #endif

@@ -1,4 +1,4 @@
-//! A robot and a model for Wheelwright in a shared library of their own.
+//! A robot, a model and an effect for Wheelwright in a shared library of their own.
 //!
 //! Everything but the last line is written as for a built-in. Build and use:
 //!
@@ -17,7 +17,8 @@
 //! type = "lag"
 //! ```
 
+pub mod effect;
 pub mod model;
 pub mod robot;
 
-wheelwright_plugin::export! { robots: ["second-order-base"], models: ["lag"] }
+wheelwright_plugin::export! { robots: ["second-order-base"], models: ["lag"], effects: ["bus_period"] }
