@@ -107,7 +107,14 @@ impl Registry {
     /// # Errors
     /// [`ConfigError`] with the key, relative to the table.
     pub fn effect(&self, table: Table) -> Result<Box<dyn Effect>, ConfigError> {
-        config::tagged(table)
+        self.loadable.effect(table)
+    }
+
+    /// The effects that libraries bring, each with its settings left out; one that cannot be made without is not among them.
+    pub fn loaded_effects(&self) -> Vec<Box<dyn Effect>> {
+        let loaded = self.loadable.list().into_iter().filter(|l| l.kind == Kind::Effect && l.library.is_some());
+        let named = |name: String| Table::from_iter([("type".to_owned(), Value::String(name))]);
+        loaded.filter_map(|l| self.effect(named(l.name)).ok()).collect()
     }
 
     /// Plugins of one of [`KINDS`], in order of name.
@@ -117,7 +124,7 @@ impl Registry {
             "robots" => self.loadable(Kind::Robot),
             "solvers" => built_in::<dyn Solver>(|s| s.about()),
             "excitations" => built_in::<dyn Excitation>(|e| e.about()),
-            "effects" => built_in::<dyn Effect>(|e| e.about()),
+            "effects" => self.loadable(Kind::Effect),
             _ => Vec::new(),
         }
     }
@@ -127,6 +134,7 @@ impl Registry {
             about: match kind {
                 _ if !l.about.is_empty() || l.library.is_some() => l.about,
                 Kind::Robot => describe::<dyn RobotConfig>(&l.name, |r| r.about()),
+                Kind::Effect => describe::<dyn Effect>(&l.name, |e| e.about()),
                 _ => describe::<dyn ModelConfig>(&l.name, |m| m.about()),
             },
             source: l.library.map_or_else(|| BUILT_IN.to_owned(), |path| path.display().to_string()),

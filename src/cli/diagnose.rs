@@ -163,7 +163,7 @@ pub(super) fn inquiry(
     let holdout = arguments.holdout.or(setup.config.sections.validation.holdout).unwrap_or(HOLDOUT);
     check_holdout(holdout)?;
     let seed = setup.seed(shared);
-    let library = library(&arguments.without)?;
+    let library = library(&setup.registry, &arguments.without)?;
     Ok(Inquiry { model_table, model, freedom, theta: None, fixed: false, robot, library, holdout, seed, yardstick: false })
 }
 

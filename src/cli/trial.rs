@@ -43,7 +43,7 @@ pub(super) fn run(arguments: &Arguments, shared: &Shared, console: &Console) -> 
         check_seal(seal)?;
     }
     // A wrong option is one error, not a failure of every case.
-    crate::inquiry::library(&arguments.question.without)?;
+    crate::inquiry::library(&setup.registry, &arguments.question.without)?;
     let cases = cases(&arguments.cases)?;
     let folder = Folder::create(&arguments.answers)?;
     let mut document = header(&cases, &arguments.question.without, arguments.seal.as_deref())?;

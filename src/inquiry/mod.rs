@@ -169,12 +169,13 @@ pub fn model_of(source: &Source) -> Option<Table> {
     }
 }
 
-/// The library without the effects named.
+/// The built-in effects and those of the libraries loaded, without the effects named.
 ///
 /// # Errors
 /// [`Error::Usage`] for a name that the library does not have.
-pub fn library(without: &[String]) -> Result<Vec<Box<dyn Effect>>, Error> {
+pub fn library(registry: &Registry, without: &[String]) -> Result<Vec<Box<dyn Effect>>, Error> {
     let mut library = wheelwright_diagnosis::effects::library();
+    library.extend(registry.loaded_effects());
     for name in without {
         if !library.iter().any(|e| e.name() == name) {
             let known: Vec<&str> = library.iter().map(|e| e.name()).collect();

@@ -242,7 +242,8 @@ impl Trial<'_> {
             if !(p.scale.is_finite() && p.scale > 0.0) {
                 self.breaks(format!("the scale of `{}` is {}: it must be a size above zero", p.name, p.scale));
             }
-            if p.neutral.is_some_and(|n| !(lower..=upper).contains(&n)) {
+            // A limit that is never reached may lie beyond every limit that can be.
+            if p.neutral.is_some_and(|n| !(lower..=upper).contains(&n) && !n.is_infinite()) {
                 self.breaks(format!("the neutral value of `{}` lies outside its bounds", p.name));
             }
             if parameters[..i].iter().any(|other| other.name == p.name && other.label == p.label) {
@@ -345,7 +346,8 @@ impl Trial<'_> {
         for i in 0..parameters.len() {
             let p = &parameters[i];
             let far = |x: f64| if x.is_finite() { x } else { x.signum() * 1e6 * p.scale };
-            for value in [p.bounds.0, p.bounds.1, far(p.bounds.0), far(p.bounds.1)] {
+            let neutral = p.neutral.unwrap_or(p.bounds.0);
+            for value in [p.bounds.0, p.bounds.1, far(p.bounds.0), far(p.bounds.1), neutral] {
                 // An endless value is one within bounds only where it is the neutral one.
                 if value.is_finite() || p.neutral == Some(value) {
                     let mut values = usual.clone();

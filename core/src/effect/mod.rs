@@ -83,7 +83,8 @@ pub struct EffectParameter {
     pub bounds: (f64, f64),
     /// Plausible size in this scene: difference steps and starts are measured in it.
     pub scale: f64,
-    /// The value at which the effect (or this part of it) does nothing; `None` for a shape that has no such value.
+    /// The value at which the effect (or this part of it) does nothing; `None` for a shape that has no such value. That of a limit is
+    /// infinite, also where its bounds are not.
     pub neutral: Option<f64>,
     /// Side or axis: `("wheel", "left")`, `("axis", "omega")`.
     pub label: Option<(&'static str, String)>,

@@ -75,7 +75,7 @@ struct Linear {
     next: usize,
 }
 
-#[derive(Debug, Clone, Default)]
+#[derive(Debug)]
 struct StepWeights {
     step: f64,
     full: Vec<f64>,
@@ -566,7 +566,7 @@ impl Linear {
             mobility: vec![0.0; n * inputs],
             inertia: vec![0.0; n * inputs],
             scratch: Weights::new(n),
-            cache: Vec::with_capacity(CACHE),
+            cache: (0..CACHE).map(|_| StepWeights::new(n)).collect(),
             next: 0,
         }
     }
@@ -574,7 +574,7 @@ impl Linear {
     fn set(&mut self, model: &dyn RegressorModel, theta: &[f64], driven: bool) -> Result<(), ModelError> {
         let n = model.outputs().len();
         self.diagonal = linear_part(model, theta, &mut self.matrix)?;
-        self.cache.clear();
+        self.cache.iter_mut().for_each(|w| w.step = f64::NAN);
         self.next = 0;
         if !driven {
             return Ok(());
@@ -605,26 +605,27 @@ impl Linear {
             return found;
         }
         self.scratch.set(h, &self.matrix, n, self.diagonal);
-        let used = if self.diagonal { n } else { n * n };
-        let s = &self.scratch;
-        let combine = |of: &dyn Fn(usize) -> f64| (0..used).map(of).collect::<Vec<f64>>();
-        // φ1 = first + 2 middle + last and φ2 = middle + last, in the weights of the fourth-order scheme.
-        let weights = StepWeights {
-            step: h,
-            full: combine(&|i| s.full[i]),
-            half: combine(&|i| s.half[i]),
-            half_forcing: combine(&|i| s.half_forcing[i]),
-            start: combine(&|i| s.first[i] - s.last[i]),
-            middle: combine(&|i| 2.0 * (s.middle[i] + s.last[i])),
-        };
-        if self.cache.len() < CACHE {
-            self.cache.push(weights);
-            return self.cache.len() - 1;
-        }
         let place = self.next % CACHE;
         self.next += 1;
-        self.cache[place] = weights;
+        let (s, w) = (&self.scratch, &mut self.cache[place]);
+        w.step = h;
+        // φ1 = first + 2 middle + last and φ2 = middle + last, in the weights of the fourth-order scheme.
+        for i in 0..if self.diagonal { n } else { n * n } {
+            w.full[i] = s.full[i];
+            w.half[i] = s.half[i];
+            w.half_forcing[i] = s.half_forcing[i];
+            w.start[i] = s.first[i] - s.last[i];
+            w.middle[i] = 2.0 * (s.middle[i] + s.last[i]);
+        }
         place
+    }
+}
+
+impl StepWeights {
+    /// Of no step yet.
+    fn new(n: usize) -> Self {
+        let room = || vec![0.0; n * n];
+        Self { step: f64::NAN, full: room(), half: room(), half_forcing: room(), start: room(), middle: room() }
     }
 }
 
