@@ -14,6 +14,7 @@ use wheelwright_diagnosis::{Diagnosis, Question, diagnose};
 
 use crate::constraints::Freedom;
 use crate::error::Error;
+use crate::registry::Registry;
 use crate::source::Source;
 use crate::study::explain;
 
