@@ -18,11 +18,11 @@ const LISTED: usize = 12;
 pub(super) fn html(input: &Input<'_>) -> String {
     let found = input.found;
     let mut html: String = found.effects.iter().map(card).collect();
-    if found.verdict == Verdict::Unexplained {
+    if found.verdict == Verdict::Unexplained && found.partial.is_empty() {
         html.push_str("<p>No effect of the library explains what is missing. Below is where it lies.</p>\n");
     }
     if !found.partial.is_empty() {
-        html.push_str("<p>A part of it looks like this; the rest does not follow:</p>\n");
+        html.push_str("<p>No effects of the library explain all that is missing. A part of it looks like this; the rest does not follow:</p>\n");
         html.extend(found.partial.iter().map(card));
     }
     html
@@ -62,7 +62,7 @@ fn card(finding: &Finding) -> String {
 }
 
 /// A statement as a sentence: statements start in lower case, to stand inside others.
-fn sentence(text: &str) -> String {
+pub(super) fn sentence(text: &str) -> String {
     let mut chars = text.chars();
     let first = chars.next().map(|c| c.to_uppercase().to_string()).unwrap_or_default();
     prose(&format!("{first}{}{}", chars.as_str(), if text.ends_with('.') { "" } else { "." }))
@@ -71,7 +71,7 @@ fn sentence(text: &str) -> String {
 fn row(p: &FoundParameter) -> Vec<String> {
     let scale = Scale::of(p.value, p.ci95.map(|(low, high)| 0.25 * (high - low)));
     let unit = if p.unit == "1" { String::new() } else { number::unit(&p.unit) };
-    let of = p.label.as_ref().map(|(kind, which)| format!("{which} {kind}")).unwrap_or_default();
+    let of = p.label.as_ref().map(|(kind, which)| format!("{kind} {which}")).unwrap_or_default();
     vec![escape(&p.name), scale.show(p.value), interval(scale, p.ci95), escape(&unit), escape(&of)]
 }
 

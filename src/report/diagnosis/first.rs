@@ -3,20 +3,26 @@
 use std::fmt::Write;
 
 use wheelwright_diagnosis::Verdict;
+use wheelwright_diagnosis::finding::Finding;
 
 use super::Input;
+use super::effects::sentence;
 use super::pictures::{close, worst};
 use crate::report::number::{self, NONE};
-use crate::report::page::{escape, prose};
+use crate::report::page::{enumerate, escape};
 use crate::report::plot::Role;
+
+/// Headlines of more characters are set smaller, so that the pictures stay on the first screen.
+const LONG: usize = 160;
 
 pub(super) fn html(input: &Input<'_>) -> String {
     let found = input.found;
     let (class, words) = badge(found.verdict);
     format!(
-        "<div class=\"headline\"><p><span class=\"badge {class}\">{words}</span></p><p class=\"verdict\">{}</p>\n\
+        "<div class=\"headline\"><p><span class=\"badge {class}\">{words}</span></p><p class=\"verdict{}\">{}</p>\n\
          <div class=\"tiles\">{}</div></div>\n{}",
-        prose(&found.headline),
+        if found.headline.chars().count() > LONG { " long" } else { "" },
+        sentence(&found.headline),
         tiles(input),
         pictures(input)
     )
@@ -78,8 +84,13 @@ fn pictures(input: &Input<'_>) -> String {
     if replay.before == replay.after {
         return before;
     }
-    let names: Vec<&str> = found.effects.iter().map(|f| f.name.as_str()).collect();
-    let with = if names.is_empty() { "the parameters refitted".to_owned() } else { names.join(" and ") };
-    let after = close(input, &window, (&replay.after, "with the effects", Role::After), format!("The same seconds with {with}."));
+    let names = |of: &[Finding]| of.iter().map(|f| f.name.clone()).collect::<Vec<_>>();
+    let (all, part) = (names(&found.effects), names(&found.partial));
+    let (label, with) = match (all.is_empty(), part.is_empty()) {
+        (false, _) => ("with the effects", format!("with {}", enumerate(&all))),
+        (true, false) => ("with what explains a part", format!("with {}, which explains a part", enumerate(&part))),
+        (true, true) => ("refitted", "with the parameters fitted to the recording".to_owned()),
+    };
+    let after = close(input, &window, (&replay.after, label, Role::After), format!("The same seconds {with}."));
     format!("<div class=\"grid\">{before}{after}</div>\n")
 }
