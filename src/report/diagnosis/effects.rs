@@ -22,7 +22,9 @@ pub(super) fn html(input: &Input<'_>) -> String {
         html.push_str("<p>No effect of the library explains what is missing. Below is where it lies.</p>\n");
     }
     if !found.partial.is_empty() {
-        html.push_str("<p>No effects of the library explain all that is missing. A part of it looks like this; the rest does not follow:</p>\n");
+        html.push_str(
+            "<p>No effects of the library explain all that is missing. A part of it looks like this; the rest does not follow:</p>\n",
+        );
         html.extend(found.partial.iter().map(card));
     }
     html
