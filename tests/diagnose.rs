@@ -86,7 +86,7 @@ fn drives() -> &'static Drives {
             assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
             format!("{out}/recording.csv")
         };
-        let (train, other) = ((100, 0.37, 0.53), (50, 0.29, 0.67));
+        let (train, other) = ((60, 0.37, 0.53), (30, 0.29, 0.67));
         let limit = "limits = { wheel_speed = 4.2 }";
         let profile = at("robot.toml");
         std::fs::write(&profile, PROFILE).unwrap();
