@@ -53,7 +53,8 @@ impl Directions {
         let scale: Vec<f64> = (0..n).map(|i| gram[(i, i)].max(0.0).sqrt()).collect();
         let unit = |i: usize, j: usize| if scale[i] > 0.0 && scale[j] > 0.0 { gram[(i, j)] / (scale[i] * scale[j]) } else { 0.0 };
         let scaled = DMatrix::from_fn(n, n, unit);
-        if scaled.iter().any(|x| !x.is_finite()) {
+        // With parameters held and no effect there is no unknown, and nalgebra does not decompose nothing.
+        if n == 0 || scaled.iter().any(|x| !x.is_finite()) {
             return Self { scale: vec![0.0; n], values: DVector::zeros(n), vectors: DMatrix::identity(n, n) };
         }
         let eigen = SymmetricEigen::new(scaled);
