@@ -55,7 +55,8 @@ def fit(y: np.ndarray, commands: np.ndarray, dt: float, guess: np.ndarray, sigma
     damping, best = 1e-3, None
 
     def residuals(rows: np.ndarray) -> np.ndarray:
-        runs = free_run(rows[:, :6], commands, rows[:, 6:], dt)
+        with np.errstate(over="ignore", invalid="ignore"):  # a trial step may run away; it is refused below
+            runs = free_run(rows[:, :6], commands, rows[:, 6:], dt)
         return _whiten((y[:, None, :] - runs) / sigma, pole)
 
     for _ in range(rounds):
@@ -72,7 +73,8 @@ def fit(y: np.ndarray, commands: np.ndarray, dt: float, guess: np.ndarray, sigma
             step = np.linalg.solve(gram + damping * np.diag(np.diag(gram)) + 1e-9 * np.eye(8), -slope)
             trial = np.maximum(p + step * scale, low)
             new = residuals(trial[None, :])
-            value = float(np.sum(new**2))
+            with np.errstate(over="ignore"):
+                value = float(np.sum(new**2))
             if np.isfinite(value) and value < cost:
                 improved = True
                 break
