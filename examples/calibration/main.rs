@@ -2,13 +2,16 @@
 //! known, with several kinds of noise and sampling, over many seeds:
 //!
 //! ```text
-//! cargo run --release --example calibration -- [SEEDS] [VARIANT...]
+//! cargo run --release --example calibration -- [SEEDS] [VARIANT or SOLVER or ways...]
 //! ```
 //!
 //! prints for every variant and solver the root mean square error of each parameter over its Cramér-Rao bound, the share
-//! of 95 % intervals that cover the truth, and the bias in units of the bound. The robots are integrated by classical
-//! Runge-Kutta with short steps, which shares nothing with the simulator of the solvers. Seeds run in parallel; results
-//! are gathered in their order, so the bytes printed do not depend on the number of threads.
+//! of 95 % intervals that cover the truth, and the bias in units of the bound; then, for `ways`, the coverage and width of other
+//! ways to an interval. The robots are integrated by classical Runge-Kutta with short steps, which shares nothing with the
+//! simulator of the solvers. Seeds run in parallel; results are gathered in their order, so the bytes printed do not depend on
+//! the number of threads.
+
+mod intervals;
 
 use std::error::Error;
 
@@ -21,7 +24,9 @@ use wheelwright_core::simulation::{DIFFERENCE, Direction, Readout, Simulator};
 use wheelwright_core::solver::{Problem, Solver};
 use wheelwright_core::{Dataset, ModelConfig, RegressorModel, Stretch};
 use wheelwright_models::VwPdConfig;
-use wheelwright_solvers::{NoiseModel, Ols, OutputError, Recursive, Thesis, Velocity};
+use wheelwright_solvers::{InstrumentalVariables, NoiseModel, Ols, OutputError, Recursive, Thesis, Velocity};
+
+use intervals::{Plain, WAYS};
 
 type Theta = [f64; 6];
 
@@ -67,6 +72,9 @@ const VARIANTS: [Variant; 8] = [
     Variant { name: "encoder", theta: B0, deviation: B0_NOISE, period: 0.05, duration: 150.0, jitter: 0.02, noise: Noise::Encoder },
     Variant { name: "khepera", theta: KHEPERA, deviation: KHEPERA_NOISE, period: 0.02, duration: 120.0, jitter: 0.0, noise: Noise::White },
 ];
+
+/// What may be asked for by name besides a variant.
+const SOLVERS: [&str; 6] = ["output-error", "recursive", "iv", "ols", "thesis", "ways"];
 
 impl Variant {
     fn command(&self, t: f64) -> [f64; 2] {
@@ -145,12 +153,15 @@ impl Variant {
         if self.noise == Noise::Encoder { Velocity::Difference } else { Velocity::Instantaneous }
     }
 
+    fn readout(&self) -> Readout {
+        if self.noise == Noise::Encoder { Readout::IntervalMean } else { Readout::Instantaneous }
+    }
+
     /// Cramér-Rao bounds of the standard errors, the velocities at the start being unknown too; for encoders the bound of
     /// estimators linear in the counts, whose rounding errors are taken as independent.
     fn bounds(&self, model: &dyn RegressorModel, recording: &Stretch) -> Result<Theta, Box<dyn Error>> {
-        let readout = if self.noise == Noise::Encoder { Readout::IntervalMean } else { Readout::Instantaneous };
         let mut simulator =
-            Simulator::new(model, &self.theta)?.with_readout(readout).with_max_step(self.theta[0].min(self.theta[1]) / 20.0);
+            Simulator::new(model, &self.theta)?.with_readout(self.readout()).with_max_step(self.theta[0].min(self.theta[1]) / 20.0);
         let direction = |i: usize| Direction {
             along: (0..6).map(|k| f64::from(u8::from(k == i))).collect(),
             step: DIFFERENCE * self.theta[i].abs().max(0.01),
@@ -248,12 +259,53 @@ fn report(name: &str, trials: &[Option<Trial>], truth: &Theta, bounds: &Theta) {
     println!("{:<22} bias / bound {}", "", row(bias, 2));
 }
 
+/// What one way to an interval gave: by parameter whether it covers the truth, and its half width over that of the bound.
+type Interval = [(bool, f64); 6];
+
+/// The intervals of the plain fit in the ways of [`WAYS`], and that of `output-error` for autoregressive noise before them.
+fn ways(variant: &Variant, model: &dyn RegressorModel, seed: u64, bounds: &Theta) -> Option<Vec<Interval>> {
+    let recording = variant.recording(seed);
+    let data = Dataset { inputs: model.inputs().to_vec(), outputs: model.outputs().to_vec(), stretches: vec![recording.clone()] };
+    let solver = OutputError { velocity: variant.velocity(), noise: NoiseModel::White, ..OutputError::default() };
+    let solution = solver.solve(&Problem::new(model, &data)).ok()?;
+    let plain = Plain::new(model, &recording, variant.readout(), std::array::from_fn(|i| solution.theta[i]))?;
+    let own = solution.ci95?;
+    let judged = |ci: &[(f64, f64)]| -> Interval {
+        std::array::from_fn(|i| {
+            let (low, high) = ci[i];
+            ((low..=high).contains(&variant.theta[i]), (high - low) / (2.0 * 1.96 * bounds[i]))
+        })
+    };
+    Some(std::iter::once(judged(&own)).chain(plain.intervals(seed).iter().map(|ci| judged(ci))).collect())
+}
+
+fn report_ways(trials: &[Option<Vec<Interval>>]) {
+    let solved: Vec<&Vec<Interval>> = trials.iter().flatten().collect();
+    println!(
+        "every sample alike, intervals by                                                 ({} of {} solved)",
+        solved.len(),
+        trials.len()
+    );
+    for (way, name) in ["autoregression"].iter().chain(&WAYS).enumerate() {
+        let mean = |f: &dyn Fn((bool, f64)) -> f64| -> [f64; 6] {
+            std::array::from_fn(|i| solved.iter().map(|t| f(t[way][i])).sum::<f64>() / solved.len() as f64)
+        };
+        println!("  {name:<20} coverage [%] {}", row(mean(&|(covered, _)| 100.0 * f64::from(u8::from(covered))), 1));
+        println!("  {:<20} width/bound  {}", "", row(mean(&|(_, width)| width), 2));
+    }
+}
+
 fn main() -> Result<(), Box<dyn Error>> {
     let mut arguments = std::env::args().skip(1);
     let seeds: u64 = arguments.next().map_or(Ok(500), |a| a.parse())?;
     let wanted: Vec<String> = arguments.collect();
+    if let Some(unknown) = wanted.iter().find(|w| !VARIANTS.iter().any(|v| v.name == *w) && !SOLVERS.contains(&w.as_str())) {
+        let variants = VARIANTS.map(|v| v.name).join(", ");
+        return Err(format!("`{unknown}` is none of the variants {variants}, nor of {}", SOLVERS.join(", ")).into());
+    }
     let model = VwPdConfig::default().build()?;
-    let chosen = |v: &&Variant| wanted.is_empty() || wanted.iter().any(|w| w == v.name);
+    let among = |name: &str, all: &[&str]| wanted.iter().any(|w| w == name) || !wanted.iter().any(|w| all.contains(&w.as_str()));
+    let chosen = |v: &&Variant| among(v.name, &VARIANTS.map(|v| v.name));
     for variant in VARIANTS.iter().filter(chosen) {
         let bounds = variant.bounds(&*model, &variant.recording(0))?;
         println!("\n{} ({} s at {:.1} Hz, {seeds} seeds)", variant.name, variant.duration, 1.0 / variant.period);
@@ -272,12 +324,18 @@ fn main() -> Result<(), Box<dyn Error>> {
         }
         solvers.push(("recursive", Box::new(Recursive::default())));
         solvers.push(("  regression alone", Box::new(Recursive { refine: false, ..Recursive::default() })));
+        solvers.push(("iv", Box::new(InstrumentalVariables { velocity, ..InstrumentalVariables::default() })));
         solvers.push(("ols", Box::new(Ols::default())));
         solvers.push(("thesis", Box::new(Thesis::default())));
-        for (name, solver) in &solvers {
+        for (name, solver) in solvers.iter().filter(|(_, solver)| among(solver.name(), &SOLVERS)) {
             let run = |seed: u64| trial(&**solver, &*model, variant.recording(seed + 1), &variant.theta);
             let trials: Vec<Option<Trial>> = (0..seeds).into_par_iter().map(run).collect();
             report(name, &trials, &variant.theta, &bounds);
+        }
+        if among("ways", &SOLVERS) {
+            let run = |seed: u64| ways(variant, &*model, seed + 1, &bounds);
+            let trials: Vec<Option<Vec<Interval>>> = (0..seeds).into_par_iter().map(run).collect();
+            report_ways(&trials);
         }
     }
     Ok(())
