@@ -6,11 +6,11 @@ mod common;
 
 use common::{KHEPERA, PIONEER, khepera_reference, pioneer_reference, record, recordings, times, vw_pd};
 use wheelwright_core::config::{names, tagged};
-use wheelwright_core::simulation::Simulator;
+use wheelwright_core::simulation::{Readout, Simulator};
 use wheelwright_core::solver::{Problem, SolveError, Solver, Status};
 use wheelwright_core::{Dataset, ModelConfig};
 use wheelwright_models::{WheelPdConfig, WheelVoltageConfig};
-use wheelwright_solvers::{InstrumentalVariables, NoiseModel, Ols};
+use wheelwright_solvers::{InstrumentalVariables, NoiseModel, Ols, Velocity};
 
 fn iv() -> InstrumentalVariables {
     InstrumentalVariables::default()
@@ -74,6 +74,20 @@ fn without_noise_it_is_exact_with_uneven_stamps_and_several_stretches() {
     let solution = iv().solve(&Problem::new(&*model, &data)).unwrap();
     assert_eq!(solution.status, Status::Solved);
     close(&solution.theta, &PIONEER, 1e-6, "jitter");
+}
+
+#[test]
+fn velocities_differenced_from_counts_are_taken_as_means() {
+    let model = vw_pd();
+    let mut data = record(KHEPERA, jittered(0.02, 2000), khepera_reference, 0.005);
+    let mut simulator = Simulator::new(&*model, &KHEPERA).unwrap().with_readout(Readout::IntervalMean).with_max_step(1e-3);
+    data.stretches[0].outputs = simulator.run_measured(&data.stretches[0]).unwrap();
+    let problem = Problem::new(&*model, &data);
+    let solution = InstrumentalVariables { velocity: Velocity::Difference, ..iv() }.solve(&problem).unwrap();
+    assert_eq!(solution.status, Status::Solved, "{:?}", solution.warnings);
+    close(&solution.theta, &KHEPERA, 1e-6, "means");
+    let mistaken = iv().solve(&problem).unwrap();
+    (0..2).for_each(|i| assert!((0.008..0.012).contains(&(mistaken.theta[i] - KHEPERA[i])), "half a sample: {:?}", mistaken.theta));
 }
 
 /// At 50 mm/s and 1 rad/s of noise the filtered regression takes noise for motion: both lags and the coupling shrink.
