@@ -1,10 +1,13 @@
-//! Robots and models from shared libraries, good and broken, as the program meets them.
+//! Robots, models and effects from shared libraries, good and broken, as the program meets them.
 
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
 
+use rand::rngs::StdRng;
+use rand::{Rng, SeedableRng};
+use rand_distr::StandardNormal;
 use serde_json::Value;
 
 fn root() -> &'static Path {
@@ -124,4 +127,46 @@ fn plugins_lists_and_checks_a_library() {
     let document: Value = serde_json::from_slice(&listed.stdout).unwrap();
     let loaded = document["models"].as_array().unwrap().iter().filter(|m| m["source"].as_str().unwrap().ends_with("libplugin.so"));
     assert_eq!(loaded.count(), 1);
+}
+
+/// A robot whose drag grows with the cube of speed, stepped finely from its equations, with noise; truth 0.5 and 0.25.
+fn cubic_recording() -> String {
+    let mut random = StdRng::seed_from_u64(3);
+    let (mut v, mut w, mut u) = (0.0_f64, 0.0_f64, [0.0; 2]);
+    let mut text = String::from("t,v_ref,omega_ref,v,omega\n");
+    for k in 0..1200 {
+        if k % 13 == 0 {
+            u = [random.random_range(-0.8..0.8), random.random_range(-1.5..1.5)];
+        }
+        let noise: [f64; 2] = std::array::from_fn(|_| random.sample::<f64, _>(StandardNormal));
+        text.push_str(&format!("{},{},{},{},{}\n", 0.05 * f64::from(k), u[0], u[1], v + 0.004 * noise[0], w + 0.008 * noise[1]));
+        for _ in 0..50 {
+            v += 1e-3 * (u[0] - 0.5 * v.powi(3) - 1.02 * v) / 0.26;
+            w += 1e-3 * (u[1] - 0.25 * w.powi(3) - 1.05 * w) / 0.19;
+        }
+    }
+    text
+}
+
+#[test]
+fn an_effect_in_c_is_named_by_a_diagnosis() {
+    let folder = tempfile::tempdir().unwrap();
+    if compile("examples/plugins/c/effect.c", &[], folder.path()).is_none() {
+        return;
+    }
+    std::fs::write(folder.path().join("drive.csv"), cubic_recording()).unwrap();
+    std::fs::write(folder.path().join("plugin.toml"), "[[plugin]]\npath = \"libplugin.so\"\n").unwrap();
+    let output = Command::new(env!("CARGO_BIN_EXE_wheelwright"))
+        .args(["diagnose", "drive.csv", "--config", "plugin.toml", "--json"])
+        .current_dir(folder.path())
+        .stdin(Stdio::null())
+        .output()
+        .unwrap();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let document: Value = serde_json::from_slice(&output.stdout).unwrap();
+    let effects = document["effects"].as_array().unwrap();
+    assert_eq!(effects[0]["name"], "c_cubic_drag", "{document:#}");
+    for (parameter, truth) in effects[0]["parameters"].as_array().unwrap().iter().zip([0.5, 0.25]) {
+        assert!((parameter["value"].as_f64().unwrap() / truth - 1.0).abs() < 0.1, "{parameter}");
+    }
 }

@@ -1,0 +1,54 @@
+//! What a step of the free-run simulation costs with no, one and two effects.
+
+use std::hint::black_box;
+
+use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
+use wheelwright_core::effect::{EffectSimulator, Scene};
+use wheelwright_core::{Dataset, Effect, ModelConfig, Stretch};
+use wheelwright_diagnosis::effects::{CommandDelay, CoulombFriction, SlewLimit};
+use wheelwright_models::VwPdConfig;
+
+const THETA: [f64; 6] = [0.26, 0.19, -0.01, 1.02, 0.05, 1.05];
+/// 150 s at 20 Hz.
+const ROWS: usize = 3000;
+const SUBSTEPS: usize = 2;
+
+/// Held steps in both directions, at even times.
+fn stretch() -> Stretch {
+    let fraction = |seed: usize| 2.0 * (seed as f64 * 0.618_033_988_749_894_9).fract() - 1.0;
+    let column = |size: f64, offset: usize| (0..ROWS).map(|k| size * fraction(1 + k / 15 + offset)).collect::<Vec<f64>>();
+    let inputs = vec![column(0.5, 0), column(1.0, 71)];
+    Stretch { label: String::new(), time: (0..ROWS).map(|k| 0.05 * k as f64).collect(), outputs: inputs.clone(), inputs }
+}
+
+fn stepping(criterion: &mut Criterion) {
+    let Ok(model) = VwPdConfig::default().build() else { return };
+    let data = Dataset { inputs: model.inputs().to_vec(), outputs: model.outputs().to_vec(), stretches: vec![stretch()] };
+    let scene = Scene::new(&data, &*model, 0.34, None, None);
+    let (friction, delay, slew) = (CoulombFriction {}, CommandDelay::default(), SlewLimit::default());
+    let cases: [(&str, Vec<&dyn Effect>, Vec<f64>); 5] = [
+        ("none", vec![], vec![]),
+        ("friction", vec![&friction], vec![0.03, 1.0]),
+        ("delay", vec![&delay], vec![0.11]),
+        ("ramp", vec![&slew], vec![1.0, 2.0]),
+        ("delay and friction", vec![&delay, &friction], vec![0.11, 0.03, 1.0]),
+    ];
+    let mut group = criterion.benchmark_group("free_run_with_effects");
+    // A delay cuts each interval in two: the time is that of the same recording all the same.
+    group.throughput(Throughput::Elements((ROWS * SUBSTEPS) as u64));
+    for (name, effects, values) in cases {
+        let Ok(mut simulator) = EffectSimulator::new(&*model, &THETA, &effects, &scene) else { continue };
+        simulator.set_substeps(SUBSTEPS);
+        if simulator.set(&THETA, &values).is_err() {
+            continue;
+        }
+        let mut run = vec![Vec::new(); 2];
+        group.bench_function(BenchmarkId::from_parameter(name), |b| {
+            b.iter(|| black_box(simulator.run(0, &data.stretches[0], &[0.0, 0.0], &mut run).is_ok()));
+        });
+    }
+    group.finish();
+}
+
+criterion_group!(benches, stepping);
+criterion_main!(benches);
