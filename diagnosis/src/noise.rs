@@ -225,3 +225,74 @@ impl Filter {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::fixture::{Case, normal};
+    use rand::SeedableRng;
+    use rand::rngs::StdRng;
+
+    fn series(seed: u64, coefficient: f64, layout: &Layout) -> Vec<f64> {
+        let mut random = StdRng::seed_from_u64(seed);
+        let mut last = 0.0;
+        (0..layout.len())
+            .map(|_| {
+                last = coefficient * last + normal(&mut random);
+                last
+            })
+            .collect()
+    }
+
+    fn moments(values: &[f64]) -> (f64, f64) {
+        let n = values.len() as f64;
+        let variance = values.iter().map(|x| x * x).sum::<f64>() / n;
+        (variance, values.windows(2).map(|w| w[0] * w[1]).sum::<f64>() / n / variance)
+    }
+
+    #[test]
+    fn coloured_noise_becomes_white_with_unit_variance() {
+        let layout = Layout::of(&Case::clean(1).data);
+        let residual = series(2, 0.8, &layout);
+        let noise = Noise::estimate(&residual, &layout, 0.0, &[1e-9; 2]);
+        assert_eq!(noise.orders(), [1, 1]);
+        let mut white = residual.clone();
+        noise.whiten_flat(&layout, &mut white);
+        let (variance, neighbour) = moments(&white);
+        // Weights take a little of the tails of a normal distribution.
+        assert!((0.9..1.02).contains(&variance) && neighbour.abs() < 0.05, "{variance} {neighbour}");
+        assert!((noise.deviation[0] / noise.innovation[0] - 1.0 / 0.6).abs() < 0.15, "{noise:?}", noise = noise.deviation);
+    }
+
+    #[test]
+    fn whole_and_by_stretches_it_is_the_same_filter() {
+        let layout = Layout::of(&Case::clean(1).data);
+        let residual = series(3, 0.5, &layout);
+        let noise = Noise::estimate(&residual, &layout, 0.0, &[1e-9; 2]);
+        let mut whole = residual.clone();
+        noise.whiten_flat(&layout, &mut whole);
+        let mut parts = layout.series(&residual);
+        parts.iter_mut().enumerate().for_each(|(s, part)| noise.whiten(s, part));
+        let whole = layout.series(&whole);
+        let worst = whole.iter().flatten().flatten().zip(parts.iter().flatten().flatten()).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+        assert!(worst < 1e-12, "{worst}");
+    }
+
+    #[test]
+    fn far_out_values_weigh_less_and_correlated_outputs_are_untangled() {
+        let layout = Layout::of(&Case::clean(1).data);
+        let mut residual = series(4, 0.0, &layout);
+        residual[100] = 30.0;
+        for k in 0..layout.rows() {
+            residual[layout.rows() + k] = 0.6 * residual[layout.rows() + k] + 0.8 * if k == 100 { 0.0 } else { residual[k] };
+        }
+        let noise = Noise::estimate(&residual, &layout, 0.0, &[1e-9; 2]);
+        assert!(noise.weights[0][0][100] < 0.3 && noise.weights[0][0][99] > 0.5);
+        let mut white = residual;
+        noise.whiten_flat(&layout, &mut white);
+        let (a, b) = white.split_at(layout.rows());
+        let product: f64 = a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>() / layout.rows() as f64;
+        // It was 0.8; what is left is the difference between weights before and after the untangling.
+        assert!(product.abs() < 0.1, "{product}");
+    }
+}

@@ -160,6 +160,10 @@ impl<'a> Search<'a> {
             refined.push(Refined { effect: candidates[0].effect, fit, score: gain - self.penalty(freedom) });
         }
         refined.sort_by(|a, b| b.score.total_cmp(&a.score));
+        // Among equals the library's order decides: the more common cause stands first.
+        let best = refined.first().map_or(0.0, |r| r.score);
+        let equals = refined.iter().take_while(|r| r.score > best - EXCHANGE).count();
+        refined[..equals].sort_by_key(|r| r.effect);
         refined
     }
 
@@ -171,7 +175,13 @@ impl<'a> Search<'a> {
         let mut best: Option<(Runner<'_, '_>, Fit)> = None;
         for candidate in candidates.iter().take(2) {
             let point = Point { x: candidate.x.clone(), starts: state.fit.point.starts.clone() };
-            let Some(mut runner) = self.runner(&indices, &point) else { continue };
+            let known = best.as_ref().map(|(runner, _)| runner.substeps());
+            let effects = self.effects(&indices);
+            let runner = match known {
+                Some(substeps) => Runner::with_substeps(&self.setting, &effects, &point, substeps),
+                None => Runner::new(&self.setting, &effects, &point),
+            };
+            let Ok(mut runner) = runner else { continue };
             let Some(fit) = evaluate(&self.setting, &mut runner, whitening, &point) else { continue };
             if best.as_ref().is_none_or(|(_, b)| fit.likelihood(&self.setting) > b.likelihood(&self.setting)) {
                 best = Some((runner, fit));

@@ -36,3 +36,6 @@ pub struct Fitted<'a> {
     /// Covariance of the same; infinite diagonal where the data show nothing.
     pub covariance: DMatrix<f64>,
 }
+
+#[cfg(test)]
+mod tests;

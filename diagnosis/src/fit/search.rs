@@ -123,14 +123,15 @@ pub(crate) fn maximise(
     if unknowns == 0 {
         return fit;
     }
-    if fit.columns.len() < unknowns || fit.columns.iter().any(Vec::is_empty) {
+    let mut fresh = fit.columns.len() < unknowns || fit.columns.iter().any(Vec::is_empty);
+    if fresh {
         linearise(runner, whitening, &mut fit, 0..unknowns);
     }
-    let (mut damping, mut fresh) = (1e-3, true);
+    let mut damping = 1e-3;
     let mut trials = 0;
     while trials < effort.trials {
         let Some((step, promised)) = step(setting, &fit, &limits, damping) else { break };
-        if fit.likelihood(setting) + OPTIMISM * promised < effort.target - OUT_OF_REACH {
+        if fresh && fit.likelihood(setting) + OPTIMISM * logarithmic(promised, setting) < effort.target - OUT_OF_REACH {
             break;
         }
         if promised < effort.worthwhile {
@@ -157,8 +158,8 @@ pub(crate) fn maximise(
                 fresh = false;
                 damping = (damping * if disappointing { 1.0 } else { 0.1 }).max(LEAST_DAMPING);
                 if disappointing {
-                    linearise(runner, whitening, &mut fit, 0..unknowns);
-                    fresh = true;
+                    // Kinks are in the effects: their columns age first.
+                    linearise(runner, whitening, &mut fit, setting.free()..unknowns);
                 }
             }
             _ if !fresh => {
@@ -175,6 +176,12 @@ pub(crate) fn maximise(
         linearise(runner, whitening, &mut fit, 0..unknowns);
     }
     fit
+}
+
+/// The gain of twice the log-likelihood that goes with a decrease of the weighted sum of squares.
+fn logarithmic(promised: f64, setting: &Setting<'_>) -> f64 {
+    let values = setting.layout.len() as f64;
+    -values * (1.0 - promised / values).max(1e-9).ln()
 }
 
 /// Keeps effects' parameters within their bounds to the last bit.
