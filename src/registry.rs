@@ -3,7 +3,7 @@
 use serde::de::DeserializeOwned;
 use toml::{Table, Value};
 use wheelwright_core::config::{self, ConfigError};
-use wheelwright_core::effect::Effect;
+use wheelwright_core::effect::{Effect, Place};
 use wheelwright_core::excitation::Excitation;
 use wheelwright_core::model::{ModelConfig, ModelError, RegressorModel};
 use wheelwright_core::robot::{Robot, RobotConfig, RobotError};
@@ -25,6 +25,8 @@ pub struct Entry {
     pub about: String,
     /// `built-in`, or the library's path.
     pub source: String,
+    /// Where an effect acts; `None` for everything else.
+    pub place: Option<Place>,
 }
 
 /// Why there is no model: its table is wrong, or the model or its plugin failed.
@@ -124,9 +126,15 @@ impl Registry {
             "robots" => self.loadable(Kind::Robot),
             "solvers" => built_in::<dyn Solver>(|s| s.about()),
             "excitations" => built_in::<dyn Excitation>(|e| e.about()),
-            "effects" => self.loadable(Kind::Effect),
+            "effects" => self.loadable(Kind::Effect).into_iter().map(|entry| self.placed(entry)).collect(),
             _ => Vec::new(),
         }
+    }
+
+    /// An effect's entry with its place, if it can be asked without settings.
+    fn placed(&self, entry: Entry) -> Entry {
+        let named = Table::from_iter([("type".to_owned(), Value::String(entry.name.clone()))]);
+        Entry { place: self.effect(named).ok().map(|effect| effect.stage().place()), ..entry }
     }
 
     fn loadable(&self, kind: Kind) -> Vec<Entry> {
@@ -139,6 +147,7 @@ impl Registry {
             },
             source: l.library.map_or_else(|| BUILT_IN.to_owned(), |path| path.display().to_string()),
             name: l.name,
+            place: None,
         };
         self.loadable.list().into_iter().filter(|l| l.kind == kind).map(entry).collect()
     }
@@ -166,6 +175,6 @@ fn built_in<T: ?Sized>(about: impl Fn(&T) -> String) -> Vec<Entry>
 where
     Box<T>: DeserializeOwned,
 {
-    let entry = |name: String| Entry { about: describe::<T>(&name, &about), name, source: BUILT_IN.to_owned() };
+    let entry = |name: String| Entry { about: describe::<T>(&name, &about), name, source: BUILT_IN.to_owned(), place: None };
     config::names::<Box<T>>().into_iter().map(entry).collect()
 }

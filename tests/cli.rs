@@ -163,7 +163,7 @@ fn a_replay_shows_parameters_over_time_and_ends_where_the_solver_does() {
 fn every_built_in_is_linked_and_listed() {
     let document = json(&["plugins"]);
     let names = |kind: &str| document[kind].as_array().unwrap().iter().map(|p| p["name"].as_str().unwrap().to_owned()).collect::<Vec<_>>();
-    for built_in in ["models", "robots", "solvers", "excitations"].iter().flat_map(|kind| document[*kind].as_array().unwrap()) {
+    for built_in in ["models", "robots", "solvers", "excitations", "effects"].iter().flat_map(|kind| document[*kind].as_array().unwrap()) {
         let about = built_in["about"].as_str().unwrap();
         assert!(!about.is_empty() && !about.contains("needs settings"), "{built_in}");
     }
@@ -171,6 +171,12 @@ fn every_built_in_is_linked_and_listed() {
     assert_eq!(names("robots"), ["simulator"]);
     for solver in ["box", "iv", "ols", "output-error", "recursive", "robust", "steady-state", "thesis"] {
         assert!(names("solvers").contains(&solver.to_owned()), "{solver}");
+    }
+    // The contract's effects and the offset that rivals many of them.
+    assert_eq!(names("effects").len(), 30, "{:?}", names("effects"));
+    for (effect, place) in [("command_delay", "command"), ("coulomb_friction", "dynamics"), ("sensor_delay", "measurement")] {
+        let listed = document["effects"].as_array().unwrap().iter().find(|e| e["name"] == effect).unwrap();
+        assert_eq!(listed["place"], place, "{effect}");
     }
     for excitation in ["signals", "thesis-constant", "thesis-khepera", "thesis-multisine", "thesis-pioneer"] {
         assert!(names("excitations").contains(&excitation.to_owned()), "{excitation}");

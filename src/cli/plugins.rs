@@ -51,11 +51,16 @@ fn list(shared: &Shared, console: &Console) -> Result<(), Error> {
 }
 
 fn line(entry: &Entry) -> String {
-    format!("  {:<18} {} ({})\n", entry.name, entry.about, entry.source)
+    let place = entry.place.map_or_else(String::new, |place| format!("{place:?}, ").to_lowercase());
+    format!("  {:<18} {} ({place}{})\n", entry.name, entry.about, entry.source)
 }
 
 fn entry(entry: &Entry) -> Value {
-    json!({ "name": entry.name, "about": entry.about, "source": entry.source })
+    let mut document = json!({ "name": entry.name, "about": entry.about, "source": entry.source });
+    if let Some(place) = entry.place {
+        document["place"] = json!(place);
+    }
+    document
 }
 
 /// Robots and models that need settings take them from the configuration's `[robot]` and `[model]`.
