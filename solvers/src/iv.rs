@@ -78,7 +78,7 @@ impl Solver for InstrumentalVariables {
             // Intervals belong to the place where instruments and error are orthogonal, and this is not it.
             (solution.std, solution.ci95, solution.covariance) = (None, None, None);
             solution.warnings.push(format!(
-                "the instruments did not settle in {} steps: these values are where the iteration was left; compare with `output-error`",
+                "the instruments did not settle, going in circles or for want of more than {} steps: these values are where the iteration was left; compare with `output-error`",
                 self.max_iterations
             ));
         }
