@@ -92,8 +92,13 @@ pub(super) fn diagnosis(found: &Diagnosis, comparison: Option<&Comparison>) -> S
         let _ = writeln!(text, "\nnext: {}", next.statement);
     }
     if !found.untestable.is_empty() {
-        let mut names: Vec<&str> = found.untestable.iter().map(|u| u.name.as_str()).collect();
-        names.dedup();
+        // One effect may stand in the library several times, once a side: it is named once.
+        let mut names: Vec<&str> = Vec::new();
+        for name in found.untestable.iter().map(|u| u.name.as_str()) {
+            if !names.contains(&name) && found.effects.iter().all(|f| f.name != name) {
+                names.push(name);
+            }
+        }
         let _ = writeln!(text, "\nnot testable with this recording: {}", names.join(", "));
     }
     text

@@ -19,7 +19,7 @@ pub use wilson::Rate;
 type Ask = fn(&Judged<'_>) -> Option<bool>;
 
 /// The rates that are stated, by name, with what they mean.
-pub const RATES: [(&str, &str, Ask); 9] = [
+pub const RATES: [(&str, &str, Ask); 10] = [
     ("exact", "exactly the effects hidden", |j| j.class.nameable().then_some(j.outcome == Outcome::Exact)),
     ("exact_or_equivalent", "the same, or a set declared to be the same mathematics", |j| {
         j.class.nameable().then_some(matches!(j.outcome, Outcome::Exact | Outcome::Equivalent))
@@ -34,7 +34,8 @@ pub const RATES: [(&str, &str, Ask); 9] = [
     ("confidently_wrong", "something hidden, explained by none of it nor of its families", |j| {
         hidden(j).then_some(j.outcome == Outcome::Wrong)
     }),
-    ("false_alarm", "nothing hidden, something found", |j| {
+    ("failed", "no answer, or one that failed", |j| Some(j.outcome == Outcome::Failed)),
+    ("false_alarm", "nothing hidden, something found, or no answer", |j| {
         (j.class == Class::None).then_some(matches!(j.outcome, Outcome::FalseAlarm | Outcome::Failed))
     }),
 ];

@@ -14,6 +14,8 @@ use crate::report::spectrum::welch;
 use crate::report::table::Table;
 use crate::report::timeline::Timeline;
 
+/// Stretches of time that a caption names; all of them are in the result.
+const NAMED: usize = 4;
 /// Most blocks of the time line.
 const BLOCKS: usize = 300;
 
@@ -104,9 +106,13 @@ fn timeline(input: &Input<'_>) -> String {
             series.push(Series::new("after", Style::Line, Role::After, columns.next().unwrap_or_default()));
         }
         series.push(Series::straight("noise alone", Role::Command, 0.0, 1.0));
-        let marked: Vec<String> =
-            found.location.times.iter().map(|(a, b)| format!("{} to {} s", number::fixed(*a, 1), number::fixed(*b, 1))).collect();
-        let marked = if marked.is_empty() { String::new() } else { format!(" More than its share: {}.", marked.join(", ")) };
+        let times = found.location.times.iter().take(NAMED);
+        let marked: Vec<String> = times.map(|(a, b)| format!("{} to {} s", number::fixed(*a, 1), number::fixed(*b, 1))).collect();
+        let more = match found.location.times.len().saturating_sub(NAMED) {
+            0 => String::new(),
+            n => format!(" and {n} more stretches"),
+        };
+        let marked = if marked.is_empty() { String::new() } else { format!(" More than its share: {}{more}.", marked.join(", ")) };
         Some(
             Plot {
                 group: "levels".to_owned(),
