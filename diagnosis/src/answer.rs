@@ -7,7 +7,7 @@ use crate::adequacy;
 use crate::decide::{Weighed, decide};
 use crate::experiment::{Rivals, design};
 use crate::finding::Experiment;
-use crate::finding::{Alternative, BaseParameter, Diagnosis, Finding, Fits, FoundParameter, Replay, Rung, Verdict, settings};
+use crate::finding::{Alternative, BaseParameter, Diagnosis, Finding, Fits, FoundParameter, Location, Replay, Rung, Verdict, settings};
 use crate::fit::Fitted;
 use crate::fit::algebra::Directions;
 use crate::fit::search::Fit;
@@ -49,6 +49,7 @@ pub(crate) fn tell(question: &Question<'_>, story: Story<'_>, warnings: Vec<Stri
     let untestable = untestable::list(search, &screened, responses, &selected.state);
     let ranking = selected.ranking.iter().map(|(i, score)| (search.effect(*i).name().to_owned(), *score)).collect();
     let weighed = decide(Weighed { findings, flags, transfer: proof.transfer, warnings, effects: search.library, scene: setting.scene });
+    let location = if weighed.verdict == Verdict::NoMismatch { nowhere(location) } else { location };
     let next_experiment = match weighed.verdict {
         Verdict::Ambiguous if question.experiment => next_experiment(question, search, selected, &open)?,
         _ => None,
@@ -72,6 +73,16 @@ pub(crate) fn tell(question: &Question<'_>, story: Story<'_>, warnings: Vec<Stri
         ranking,
         warnings: weighed.warnings,
     })
+}
+
+/// Where noise happens to be largest is no place.
+fn nowhere(location: Location) -> Location {
+    Location {
+        channels: location.channels.into_iter().map(|(name, _)| (name, 0.0)).collect(),
+        statement: "nothing beyond noise, and so nowhere".to_owned(),
+        tests: location.tests,
+        ..Location::default()
+    }
 }
 
 /// The drive that would tell the remaining explanations apart.

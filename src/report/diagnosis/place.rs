@@ -40,6 +40,7 @@ fn shares(input: &Input<'_>) -> String {
     if let Some((left, right)) = place.wheels {
         rows.extend([("left wheel".to_owned(), left), ("right wheel".to_owned(), right)]);
     }
+    rows.retain(|_| place.channels.iter().any(|(_, share)| *share > 0.0));
     let mut table = Table::new(&["Of the error beyond noise", "#Share", ""]);
     for (name, share) in &rows {
         table.row(vec![escape(name), percent(*share), meter(*share)]);
