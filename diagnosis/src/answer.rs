@@ -23,6 +23,8 @@ use crate::untestable;
 const TWO_SIDED_95: f64 = 1.959_964;
 /// Rivals this near in penalised evidence cannot be told from what was found.
 pub(crate) const AMBIGUOUS: f64 = 6.0;
+/// How an effect says of another that no drive tells them apart.
+const ALWAYS: &str = "always";
 /// Rivals up to here are mentioned.
 const MENTIONED: f64 = 10.0;
 
@@ -264,7 +266,10 @@ fn findings(search: &Search<'_>, selected: &Selected, proof: &Proven) -> (Vec<Fi
             holdout_gain: proof.gains[member],
             alternatives: alternatives(search, effect, rivals),
         });
-        let near = rivals.iter().filter(|r| r.gap < AMBIGUOUS && search.effect(r.effect).name() != effect.name());
+        let told = |r: &&Rival| {
+            all.last().is_some_and(|f: &Finding| f.alternatives.iter().any(|a| a.name == search.effect(r.effect).name() && !a.always))
+        };
+        let near = rivals.iter().filter(|r| r.gap < AMBIGUOUS).filter(told);
         open.extend(near.map(|r| r.state.clone()));
     }
     (all, open)
@@ -280,11 +285,14 @@ fn alternatives(search: &Search<'_>, found: &dyn Effect, rivals: &[Rival]) -> Ve
         }
         let declared = found.confusions().iter().find(|c| c.with == effect.name());
         let mirrored = effect.confusions().iter().find(|c| c.with == found.name());
-        let why = declared.or(mirrored).map_or_else(|| "it explains this recording nearly as well".to_owned(), |c| c.because.to_owned());
+        let declared = declared.or(mirrored);
+        let always = declared.is_some_and(|c| c.because.starts_with(ALWAYS));
+        let why = declared.map_or_else(|| "it explains this recording nearly as well".to_owned(), |c| c.because.to_owned());
         all.push(Alternative {
             name: effect.name().to_owned(),
             gap: rival.gap,
-            because: format!("{why}; what tells them apart is {}", effect.excitation()),
+            always,
+            because: if always { why } else { format!("{why}; what tells them apart is {}", effect.excitation()) },
         });
     }
     all
@@ -332,6 +340,14 @@ fn review(
         let mut out = fit.simulated.clone();
         if !runner.run(x, &fit.point.starts, &mut out) {
             out.clone_from(&fit.simulated);
+        }
+        // What nobody recorded the cause of is no misfit.
+        for c in 0..setting.layout.outputs() {
+            for s in 0..setting.layout.stretches() {
+                let part = setting.layout.part(c, s);
+                let rows = part.start..part.start + setting.layout.unsettled(s);
+                out[rows.clone()].copy_from_slice(&setting.measured[rows]);
+            }
         }
         Ok(setting.layout.series(&out))
     };

@@ -42,7 +42,7 @@ pub(crate) fn decide(weighed: Weighed<'_>) -> Decided {
     }
     warnings.extend(left.iter().map(|f| f.statement.clone()));
     let nothing = findings.is_empty();
-    let rivals = findings.iter().any(|f| f.alternatives.iter().any(|a| a.gap < AMBIGUOUS));
+    let rivals = findings.iter().any(|f| f.alternatives.iter().any(|a| a.gap < AMBIGUOUS && !a.always));
     if transfer == Transfer::Fails && !nothing {
         warnings
             .push("what explains the training data does not bring the held-out error down: it fits here and does not transfer".to_owned());
@@ -87,7 +87,7 @@ fn of_noise(name: &str, values: &[f64], flag: &Flag, effects: &[Box<dyn Effect>]
 fn headline(verdict: Verdict, findings: &[Finding], left: &[&Flag]) -> String {
     let said = || findings.iter().map(|f| f.statement.clone()).collect::<Vec<_>>().join("; and ");
     let names = |f: &Finding| {
-        let near = f.alternatives.iter().filter(|a| a.gap < AMBIGUOUS).map(|a| a.name.as_str());
+        let near = f.alternatives.iter().filter(|a| a.gap < AMBIGUOUS && !a.always).map(|a| a.name.as_str());
         std::iter::once(f.name.as_str()).chain(near).collect::<Vec<_>>().join(" or ")
     };
     match verdict {

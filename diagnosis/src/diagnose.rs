@@ -22,6 +22,8 @@ const FEWEST: usize = 10;
 const NUMERICAL: f64 = 5e-5;
 /// Error of a free run beside the noise that changes nothing: its square is a ten-thousandth of the noise's.
 const ACCURACY: f64 = 0.01;
+/// Evidence by which another reading of the data must be better than the ordinary one.
+const DECISIVE: f64 = 10.0;
 /// Track width that is taken where none is known and none shows \[m\].
 const ORDINARY_TRACK: f64 = 0.35;
 /// Rows beyond which a recording only costs time: pieces spread evenly over it are taken.
@@ -72,7 +74,7 @@ fn other_readout<'a>(story: Story<'a>, question: &Question<'a>, data: &'a Datase
         return Ok(story);
     }
     let rival = selected(other, question)?;
-    Ok(if rival.evidence() > story.evidence() { rival } else { story })
+    Ok(if rival.evidence() > story.evidence() + DECISIVE { rival } else { story })
 }
 
 fn setting<'a>(question: &Question<'a>, data: &'a Dataset, scene: &'a Scene, readout: Readout) -> Setting<'a> {
@@ -205,7 +207,7 @@ impl Story<'_> {
     /// each reading's own noise counts with it.
     fn evidence(&self) -> f64 {
         let Self { search, selected, .. } = self;
-        let rows = search.setting.layout.rows() as f64;
+        let rows = search.setting.layout.counted() as f64;
         let scale: f64 = selected.whitening.noise.innovation.iter().map(|s| 2.0 * rows * s.ln()).sum();
         let effects = selected.state.effects.len();
         let freedom = selected.state.fit.rank(&search.setting).saturating_sub(selected.base.rank(&search.setting)).max(effects);

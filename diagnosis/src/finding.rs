@@ -44,6 +44,8 @@ pub struct Alternative {
     pub gap: f64,
     /// Why the two look alike, and what tells them apart.
     pub because: String,
+    /// True if the two are the same mathematics: no drive tells them apart, so it is no ambiguity of these data.
+    pub always: bool,
 }
 
 /// An effect that was found.

@@ -39,7 +39,8 @@ impl Noise {
     /// White, independent noise of these standard deviations.
     pub(crate) fn white(deviation: &[f64], layout: &Layout) -> Self {
         let n = deviation.len();
-        let weights = (0..layout.stretches()).map(|s| vec![vec![1.0; layout.length(s)]; n]).collect();
+        let unsettled = |s: usize, k: usize| if k < layout.unsettled(s) { 0.0 } else { 1.0 };
+        let weights = (0..layout.stretches()).map(|s| vec![(0..layout.length(s)).map(|k| unsettled(s, k)).collect(); n]).collect();
         Self {
             filters: vec![Filter { coefficients: vec![Vec::new()], gains: vec![1.0] }; n],
             innovation: deviation.to_vec(),
@@ -52,12 +53,12 @@ impl Noise {
     /// Estimates the law from residuals in which `taken` degrees of freedom were fitted. No deviation is taken for less than `floor`.
     pub(crate) fn estimate(residual: &[f64], layout: &Layout, taken: f64, floor: &[f64]) -> Self {
         let n = layout.outputs();
-        let left = (layout.rows() as f64 - taken / n as f64).max(1.0);
+        let left = (layout.counted() as f64 - taken / n as f64).max(1.0);
         let mut noise = Self::white(&vec![1.0; n], layout);
         for c in 0..n {
-            let parts: Vec<&[f64]> = (0..layout.stretches()).map(|s| &residual[layout.part(c, s)]).collect();
-            let (filter, variance, innovation) = Filter::estimate(&parts, layout.rows(), floor[c]);
-            let correction = layout.rows() as f64 / left;
+            let parts: Vec<&[f64]> = (0..layout.stretches()).map(|s| &residual[layout.settled(c, s)]).collect();
+            let (filter, variance, innovation) = Filter::estimate(&parts, layout.counted(), floor[c]);
+            let correction = layout.counted() as f64 / left;
             noise.filters[c] = filter;
             noise.deviation[c] = (variance * correction).sqrt().max(floor[c]);
             noise.innovation[c] = (innovation * correction).sqrt().max(floor[c]);
@@ -72,7 +73,8 @@ impl Noise {
     /// Weights by the size of each innovation, and the innovations' deviation as the bulk shows it.
     fn weigh(&mut self, white: &[f64], layout: &Layout) {
         for c in 0..layout.outputs() {
-            let mut sizes: Vec<f64> = white[layout.output(c)].iter().map(|x| x.abs()).collect();
+            let settled = (0..layout.stretches()).flat_map(|s| &white[layout.settled(c, s)]);
+            let mut sizes: Vec<f64> = settled.map(|x| x.abs()).collect();
             let middle = sizes.len() / 2;
             let median = *sizes.select_nth_unstable_by(middle, f64::total_cmp).1;
             let spread = MEDIAN_TO_DEVIATION * median;
@@ -81,7 +83,8 @@ impl Noise {
                 continue;
             }
             for s in 0..layout.stretches() {
-                for (w, x) in self.weights[s][c].iter_mut().zip(&white[layout.part(c, s)]) {
+                let counted = self.weights[s][c].iter_mut().skip(layout.unsettled(s));
+                for (w, x) in counted.zip(&white[layout.settled(c, s)]) {
                     *w = (HUBER * spread / x.abs().max(f64::MIN_POSITIVE)).min(1.0).sqrt();
                 }
             }

@@ -182,7 +182,7 @@ impl<'s, 'a> Projection<'s, 'a> {
 
     /// Twice the log-likelihood of what is left, against that of the model.
     fn gain(&self, left: &[f64]) -> f64 {
-        let rows = self.setting.layout.rows();
+        let rows = self.setting.layout.counted();
         let squares = |values: &[f64]| -> Vec<f64> {
             parts(self.setting).into_iter().zip(&self.roots).map(|(p, root)| dot(&values[p.clone()], &values[p]) / (root * root)).collect()
         };
@@ -323,7 +323,7 @@ pub(crate) fn saturate(setting: &Setting<'_>, whitening: &Whitening, fit: &Fit, 
     for (c, w) in weights.iter().enumerate() {
         residual[setting.layout.output(c)].iter_mut().for_each(|x| *x *= w.sqrt());
     }
-    let most = (setting.layout.rows() / 15).max(1);
+    let most = (setting.layout.counted() / 15).max(1);
     let taken = if all.is_empty() { 0 } else { take(&mut residual, &all, rows, most) };
     for (c, w) in weights.iter().enumerate() {
         residual[setting.layout.output(c)].iter_mut().for_each(|x| *x /= w.sqrt());

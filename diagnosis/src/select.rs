@@ -90,7 +90,7 @@ pub(crate) struct Selected {
 impl<'a> Search<'a> {
     /// ln N, N the values that are explained.
     pub(crate) fn log_values(&self) -> f64 {
-        (self.setting.layout.len() as f64).ln()
+        ((self.setting.layout.counted() * self.setting.layout.outputs()) as f64).ln()
     }
 
     /// Penalty of an addition with so many degrees of freedom.

@@ -6,11 +6,19 @@ use wheelwright_core::Dataset;
 
 use crate::residuals::Series;
 
+/// Time at the start of a stretch that no fit counts \[s\]: what came before it is still at work in delays, lags and loops, and
+/// nobody recorded it.
+const UNSETTLED: f64 = 1.0;
+/// Share of a stretch that this may take at most.
+const MOST_UNSETTLED: f64 = 0.1;
+
 /// Where in the flat vector things are.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) struct Layout {
     offsets: Vec<usize>,
     lengths: Vec<usize>,
+    /// Rows at the start of each stretch that no fit counts.
+    unsettled: Vec<usize>,
     rows: usize,
     outputs: usize,
 }
@@ -22,7 +30,17 @@ impl Layout {
             *sum += n;
             Some(*sum - n)
         });
-        Self { offsets: offsets.collect(), rows: lengths.iter().sum(), lengths, outputs: data.outputs.len() }
+        let unsettled = data.stretches.iter().map(|s| {
+            let most = (MOST_UNSETTLED * s.len() as f64) as usize;
+            s.time.partition_point(|t| *t < s.time[0] + UNSETTLED).min(most)
+        });
+        Self {
+            offsets: offsets.collect(),
+            rows: lengths.iter().sum(),
+            unsettled: unsettled.collect(),
+            lengths,
+            outputs: data.outputs.len(),
+        }
     }
 
     /// Length of the flat vector.
@@ -33,6 +51,22 @@ impl Layout {
     /// Rows of all stretches.
     pub(crate) fn rows(&self) -> usize {
         self.rows
+    }
+
+    /// Rows of all stretches that count.
+    pub(crate) fn counted(&self) -> usize {
+        self.rows - self.unsettled.iter().sum::<usize>()
+    }
+
+    /// Rows at the start of a stretch that do not count.
+    pub(crate) fn unsettled(&self, stretch: usize) -> usize {
+        self.unsettled[stretch]
+    }
+
+    /// One output over one stretch, what counts of it.
+    pub(crate) fn settled(&self, output: usize, stretch: usize) -> Range<usize> {
+        let part = self.part(output, stretch);
+        part.start + self.unsettled[stretch]..part.end
     }
 
     pub(crate) fn outputs(&self) -> usize {

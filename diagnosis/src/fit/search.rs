@@ -47,12 +47,12 @@ pub(crate) struct Fit {
 impl Fit {
     /// Twice the log-likelihood up to a constant.
     pub(crate) fn likelihood(&self, setting: &Setting<'_>) -> f64 {
-        likelihood(&self.squares, setting.layout.rows())
+        likelihood(&self.squares, setting.layout.counted())
     }
 
     /// Weight of each output's squares.
     pub(crate) fn weights(&self, setting: &Setting<'_>) -> Vec<f64> {
-        weights(&self.squares, setting.layout.rows())
+        weights(&self.squares, setting.layout.counted())
     }
 
     /// Products of all columns, with the outputs' weights.
@@ -180,7 +180,7 @@ pub(crate) fn maximise(
 
 /// The gain of twice the log-likelihood that goes with a decrease of the weighted sum of squares.
 fn logarithmic(promised: f64, setting: &Setting<'_>) -> f64 {
-    let values = setting.layout.len() as f64;
+    let values = (setting.layout.counted() * setting.layout.outputs()) as f64;
     -values * (1.0 - promised / values).max(1e-9).ln()
 }
 

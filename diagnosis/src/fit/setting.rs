@@ -143,6 +143,11 @@ impl<'s, 'a> Runner<'s, 'a> {
         Ok(Self { setting, simulator, parameters, buffer: vec![Vec::new(); setting.layout.outputs()] })
     }
 
+    /// Root mean square of each output.
+    pub(crate) fn scales(&self) -> &[f64] {
+        &self.setting.scene.scales.outputs
+    }
+
     pub(crate) fn substeps(&self) -> usize {
         self.simulator.substeps()
     }

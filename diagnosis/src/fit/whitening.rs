@@ -35,13 +35,13 @@ impl Whitening {
     /// Linearises the responses to the initial outputs at a point whose free run is `simulated`.
     pub(crate) fn new(noise: Noise, layout: &Layout, runner: &mut Runner<'_, '_>, point: &Point, simulated: &[f64]) -> Self {
         let raw: Vec<Vec<f64>> = (0..layout.outputs()).map(|c| runner.start_column(point, c, simulated)).collect();
-        Self::of(noise, layout, raw)
+        Self::of(noise, layout, raw, runner.scales())
     }
 
-    /// From the raw responses to the initial outputs, one an output.
-    pub(crate) fn of(noise: Noise, layout: &Layout, mut raw: Vec<Vec<f64>>) -> Self {
+    /// From the raw responses to the initial outputs, one an output, and the outputs' scales.
+    fn of(noise: Noise, layout: &Layout, mut raw: Vec<Vec<f64>>, scales: &[f64]) -> Self {
         raw.iter_mut().for_each(|column| noise.whiten_flat(layout, column));
-        let starts = (0..layout.stretches()).map(|s| StretchStarts::of(&raw, layout, s)).collect();
+        let starts = (0..layout.stretches()).map(|s| StretchStarts::of(&raw, layout, s, scales)).collect();
         Self { noise, layout: layout.clone(), starts }
     }
 
@@ -85,7 +85,7 @@ impl Whitening {
 }
 
 impl StretchStarts {
-    fn of(columns: &[Vec<f64>], layout: &Layout, s: usize) -> Self {
+    fn of(columns: &[Vec<f64>], layout: &Layout, s: usize, scales: &[f64]) -> Self {
         let cut = |column: &[f64], rows: usize| -> Vec<Vec<f64>> {
             (0..layout.outputs()).map(|c| column[layout.part(c, s)][..rows].to_vec()).collect()
         };
@@ -108,7 +108,8 @@ impl StretchStarts {
                 }
             }
             let rest = norm(&left);
-            if !rest.is_finite() || rest <= 1e-6 * size {
+            // A start as far off as outputs ever are that would not be seen keeps its measured value.
+            if !rest.is_finite() || rest <= 1e-6 * size || rest * scales[source] < 1.0 {
                 continue;
             }
             left.iter_mut().flatten().for_each(|x| *x /= rest);

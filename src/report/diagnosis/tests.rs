@@ -66,6 +66,7 @@ pub(crate) fn example(verdict: Verdict) -> Diagnosis {
         name: "dead_zone".to_owned(),
         gap: 3.2,
         because: "a subtracting dead zone differs from friction only in its phase at reversals".to_owned(),
+        always: false,
     }];
     let finding = Finding {
         name: "coulomb_friction".to_owned(),
