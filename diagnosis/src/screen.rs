@@ -33,8 +33,10 @@ pub(crate) struct Candidate {
     pub(crate) effect: usize,
     /// Index among the responses.
     pub(crate) response: usize,
-    /// Unknowns of the joint fit to start from: those of the model, then the effect's values.
-    pub(crate) x: Vec<f64>,
+    /// Multiple of each column of the start.
+    amplitude: Vec<f64>,
+    /// The effect's values with these amplitudes.
+    values: Vec<f64>,
     /// Gain of twice the log-likelihood.
     pub(crate) gain: f64,
     /// Columns that count.
@@ -52,15 +54,14 @@ pub(crate) struct Current<'s, 'a> {
 
 /// Responses of library effects at all their starts.
 pub(crate) fn responses(current: &Current<'_, '_>, library: &[(usize, &dyn Effect)]) -> Vec<Response> {
-    let mut all = Vec::new();
-    for &(index, effect) in library {
-        let parameters = effect.parameters(current.setting.scene);
-        let mut substeps = None;
-        for start in effect.starts(current.setting.scene) {
-            all.extend(respond(current, index, effect, &parameters, start, &mut substeps));
-        }
-    }
-    all
+    library.iter().flat_map(|(index, effect)| responses_at(current, *index, *effect, effect.starts(current.setting.scene))).collect()
+}
+
+/// Responses of one effect at some of its starts.
+pub(crate) fn responses_at(current: &Current<'_, '_>, index: usize, effect: &dyn Effect, starts: Vec<Start>) -> Vec<Response> {
+    let parameters = effect.parameters(current.setting.scene);
+    let mut substeps = None;
+    starts.into_iter().filter_map(|start| respond(current, index, effect, &parameters, start, &mut substeps)).collect()
 }
 
 /// The responses of one start; the first start of an effect finds the step for all.
@@ -207,8 +208,7 @@ impl<'s, 'a> Projection<'s, 'a> {
         let (amplitude, gain) = best;
         let freedom = amplitude.iter().filter(|a| **a != 0.0).count().max(1);
         let values = values_of(&response.parameters, &response.start, &|c| amplitude[c]);
-        let x = self.start(response, &amplitude, &values);
-        Candidate { effect: response.effect, response: index, x, gain, freedom, information }
+        Candidate { effect: response.effect, response: index, amplitude, values, gain, freedom, information }
     }
 
     /// Amplitudes by least squares, columns left out whose amplitude would lie beyond a bound.
@@ -261,8 +261,9 @@ impl<'s, 'a> Projection<'s, 'a> {
         (amplitude, if best.is_finite() { best } else { 0.0 })
     }
 
-    /// Where the joint fit starts: the model's unknowns moved to make room for the effect.
-    fn start(&self, response: &Response, amplitude: &[f64], values: &[f64]) -> Vec<f64> {
+    /// Unknowns of the joint fit to start from: those of the model, moved to make room for the effect, then the effect's values.
+    pub(crate) fn start(&self, response: &Response, candidate: &Candidate) -> Vec<f64> {
+        let Candidate { amplitude, values, .. } = candidate;
         let x = &self.fit.point.x;
         let mut left = self.fit.residual.clone();
         for (raw, a) in response.columns.iter().zip(amplitude).filter(|(_, a)| **a != 0.0) {

@@ -13,10 +13,12 @@ use crate::fit::setting::{Point, Runner, Setting};
 use crate::fit::whitening::Whitening;
 use crate::noise::Noise;
 use crate::question::DiagnosisError;
-use crate::screen::{Candidate, Current, Projection, Response, responses};
+use crate::screen::{Candidate, Current, Projection, Response, responses, responses_at};
 
 /// Most effects of one explanation.
 const MOST: usize = 3;
+/// Effects, and starts of each, that are simulated again beside the effects of a model.
+const RESIMULATED: (usize, usize) = (12, 3);
 /// Candidates that are refined after screening.
 const REFINED: usize = 6;
 /// Linearised gain below which no refinement makes evidence: a free parameter gains one by chance.
@@ -124,12 +126,25 @@ impl<'a> Search<'a> {
         responses(&current, &library)
     }
 
-    /// The best start of every effect, best effect first.
+    /// Responses about a model with effects. Those about the base model say which effects and starts are worth a look; these are
+    /// simulated anew beside the effects that the model has.
+    fn respond_again(&self, state: &State, whitening: &Whitening, first: &[Response]) -> Vec<Response> {
+        let effects = self.effects(&state.effects);
+        let screened = self.screen(state, whitening, first);
+        let current = Current { setting: &self.setting, effects: &effects, fit: &state.fit };
+        let of = |candidates: &Vec<Candidate>| {
+            let starts = candidates.iter().take(RESIMULATED.1).map(|c| first[c.response].start.clone()).collect();
+            responses_at(&current, candidates[0].effect, self.effect(candidates[0].effect), starts)
+        };
+        screened.iter().take(RESIMULATED.0).flat_map(of).collect()
+    }
+
+    /// Every effect of no family that the model has already, at all its starts; best effect and best start first.
     pub(crate) fn screen(&self, state: &State, whitening: &Whitening, responses: &[Response]) -> Vec<Vec<Candidate>> {
-        let parameters = self.parameters(&state.effects);
-        let projection = Projection::new(&self.setting, whitening, &state.fit, &parameters);
+        let projection = self.projection(state, whitening);
         let mut by_effect: Vec<Vec<Candidate>> = Vec::new();
-        for (index, response) in responses.iter().enumerate() {
+        let families: Vec<&str> = state.effects.iter().map(|i| self.effect(*i).family()).collect();
+        for (index, response) in responses.iter().enumerate().filter(|(_, r)| !families.contains(&self.effect(r.effect).family())) {
             let candidate = projection.candidate(index, response);
             match by_effect.last_mut().filter(|c| c[0].effect == response.effect) {
                 Some(same) => same.push(candidate),
@@ -141,12 +156,17 @@ impl<'a> Search<'a> {
         by_effect
     }
 
+    fn projection<'p>(&'p self, state: &'p State, whitening: &'p Whitening) -> Projection<'p, 'a> {
+        Projection::new(&self.setting, whitening, &state.fit, &self.parameters(&state.effects))
+    }
+
     fn value(&self, candidate: &Candidate) -> f64 {
         candidate.gain - candidate.freedom as f64 * self.log_values()
     }
 
     /// The most promising effects, fitted jointly with the model they join; best first.
-    pub(crate) fn refine(&self, state: &State, whitening: &Whitening, screened: &[Vec<Candidate>]) -> Vec<Refined> {
+    pub(crate) fn refine(&self, state: &State, whitening: &Whitening, screened: &[Vec<Candidate>], responses: &[Response]) -> Vec<Refined> {
+        let projection = self.projection(state, whitening);
         let rank = state.fit.rank(&self.setting);
         let before = state.fit.likelihood(&self.setting);
         let mut refined: Vec<Refined> = Vec::new();
@@ -154,7 +174,7 @@ impl<'a> Search<'a> {
         let worth = |c: &&Vec<Candidate>| c[0].gain > HOPELESS.max(CONTENDER * first);
         for candidates in screened.iter().take(REFINED).filter(worth) {
             let target = refined.iter().map(|r| r.fit.likelihood(&self.setting)).fold(before, f64::max);
-            let Some(fit) = self.fit_candidate(state, whitening, candidates, target) else { continue };
+            let Some(fit) = self.fit_candidate(state, &projection, whitening, candidates, responses, target) else { continue };
             let gain = fit.likelihood(&self.setting) - before;
             let freedom = fit.rank(&self.setting).saturating_sub(rank).max(1);
             refined.push(Refined { effect: candidates[0].effect, fit, score: gain - self.penalty(freedom) });
@@ -169,12 +189,20 @@ impl<'a> Search<'a> {
 
     /// Fits from the better of an effect's two best starts.
     /// Gives up where it cannot come near the likelihood `target`.
-    fn fit_candidate(&self, state: &State, whitening: &Whitening, candidates: &[Candidate], target: f64) -> Option<Fit> {
+    fn fit_candidate(
+        &self,
+        state: &State,
+        projection: &Projection<'_, '_>,
+        whitening: &Whitening,
+        candidates: &[Candidate],
+        responses: &[Response],
+        target: f64,
+    ) -> Option<Fit> {
         let mut indices = state.effects.clone();
         indices.push(candidates[0].effect);
         let mut best: Option<(Runner<'_, '_>, Fit)> = None;
         for candidate in candidates.iter().take(2) {
-            let point = Point { x: candidate.x.clone(), starts: state.fit.point.starts.clone() };
+            let point = Point { x: projection.start(&responses[candidate.response], candidate), starts: state.fit.point.starts.clone() };
             let known = best.as_ref().map(|(runner, _)| runner.substeps());
             let effects = self.effects(&indices);
             let runner = match known {
@@ -243,11 +271,11 @@ impl<'a> Search<'a> {
             let responses = if depth == 0 {
                 first
             } else {
-                fresh = self.respond(&selected.state);
+                fresh = self.respond_again(&selected.state, &selected.whitening, first);
                 &fresh
             };
             let screened = self.screen(&selected.state, &selected.whitening, responses);
-            let refined = self.refine(&selected.state, &selected.whitening, &screened);
+            let refined = self.refine(&selected.state, &selected.whitening, &screened, responses);
             if depth == 0 {
                 selected.ranking = self.ranking(&screened, &refined);
             }
@@ -256,7 +284,7 @@ impl<'a> Search<'a> {
             let Some(joined) = joined else { break };
             selected = joined;
             if selected.state.effects.len() > 1 {
-                self.exchange(&mut selected);
+                self.exchange(&mut selected, first);
             }
         }
         Ok(selected)
@@ -301,12 +329,12 @@ impl<'a> Search<'a> {
     }
 
     /// Drops each member in turn and takes the best replacement if it gains; keeps the others as rivals.
-    fn exchange(&self, selected: &mut Selected) {
+    fn exchange(&self, selected: &mut Selected, first: &[Response]) {
         let mut member = 0;
         let mut exchanged = 0;
         selected.rivals.clear();
         while member < selected.state.effects.len() {
-            let (rest, refined) = self.replacements(selected, member);
+            let (rest, refined) = self.replacements(selected, member, first);
             let present = self.worth(selected, &rest);
             let better = refined.first().filter(|b| exchanged < MOST && b.score > present + EXCHANGE);
             if let Some(next) = better.and_then(|best| self.replaced(selected, &rest, best)) {
@@ -321,14 +349,14 @@ impl<'a> Search<'a> {
     }
 
     /// The model without a member, and what could take its place.
-    fn replacements(&self, selected: &Selected, member: usize) -> (State, Vec<Refined>) {
+    fn replacements(&self, selected: &Selected, member: usize, first: &[Response]) -> (State, Vec<Refined>) {
         let base = || State { effects: Vec::new(), fit: selected.base.clone() };
         let Some(rest) = self.without(selected, member) else { return (base(), Vec::new()) };
-        let responses = self.respond(&rest);
+        let responses = self.respond_again(&rest, &selected.whitening, first);
         let dropped = selected.state.effects[member];
         let screened = self.screen(&rest, &selected.whitening, &responses);
         let others: Vec<Vec<Candidate>> = screened.into_iter().filter(|c| c[0].effect != dropped).collect();
-        let refined = self.refine(&rest, &selected.whitening, &others);
+        let refined = self.refine(&rest, &selected.whitening, &others, &responses);
         (rest, refined)
     }
 

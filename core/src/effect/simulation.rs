@@ -604,13 +604,17 @@ impl Linear {
         if let Some(found) = self.cache.iter().position(|w| (w.step - h).abs() <= 1e-12 * h) {
             return found;
         }
-        self.scratch.set(h, &self.matrix, n, self.diagonal);
         let place = self.next % CACHE;
         self.next += 1;
+        if self.diagonal {
+            self.cache[place].set_diagonal(h, &self.matrix, n);
+            return place;
+        }
+        self.scratch.set(h, &self.matrix, n, false);
         let (s, w) = (&self.scratch, &mut self.cache[place]);
         w.step = h;
         // φ1 = first + 2 middle + last and φ2 = middle + last, in the weights of the fourth-order scheme.
-        for i in 0..if self.diagonal { n } else { n * n } {
+        for i in 0..n * n {
             w.full[i] = s.full[i];
             w.half[i] = s.half[i];
             w.half_forcing[i] = s.half_forcing[i];
@@ -627,6 +631,29 @@ impl StepWeights {
         let room = || vec![0.0; n * n];
         Self { step: f64::NAN, full: room(), half: room(), half_forcing: room(), start: room(), middle: room() }
     }
+
+    /// Weights where no output's rate depends on another output: φ1(z) = (eᶻ − 1)/z and φ2(z) = (φ1(z) − 1)/z of each z = h L_ii.
+    fn set_diagonal(&mut self, h: f64, matrix: &[f64], n: usize) {
+        self.step = h;
+        for i in 0..n {
+            let z = h * matrix[i * n + i];
+            let (first, second) = phi(z);
+            self.full[i] = z.exp();
+            self.half[i] = (0.5 * z).exp();
+            self.half_forcing[i] = 0.5 * h * phi(0.5 * z).0;
+            self.start[i] = h * (first - 2.0 * second);
+            self.middle[i] = 2.0 * h * second;
+        }
+    }
+}
+
+/// φ1 and φ2 of a number; near zero by their series, where the quotients lose digits.
+fn phi(z: f64) -> (f64, f64) {
+    if z.abs() < 1e-3 {
+        return (1.0 + z * (1.0 / 2.0 + z * (1.0 / 6.0 + z / 24.0)), 1.0 / 2.0 + z * (1.0 / 6.0 + z * (1.0 / 24.0 + z / 120.0)));
+    }
+    let first = z.exp_m1() / z;
+    (first, (first - 1.0) / z)
 }
 
 /// Up to eight windows of 32 rows, spread over the stretches.

@@ -111,6 +111,8 @@ pub fn library() -> Vec<Box<dyn Effect>> {
     let mut all = command_side();
     all.extend(dynamics());
     all.extend(sensors());
+    // An offset says that something is off and not what: among equals it stands last.
+    all.push(Box::new(CommandOffset {}));
     all
 }
 
@@ -131,7 +133,6 @@ fn command_side() -> Vec<Box<dyn Effect>> {
         Box::new(GainAsymmetry {}),
         Box::new(BatterySag {}),
         Box::new(IntegralAction {}),
-        Box::new(CommandOffset {}),
     ];
     for axis in [Axis::V, Axis::Omega] {
         all.push(Box::new(SlewLimit { axis: Some(axis), wheels: false }));
