@@ -22,7 +22,7 @@ fn near(value: f64, wanted: f64, tolerance: f64, what: &str) {
 /// What one wheel carries: half the robot and itself, as inertia at the wheel.
 const CARRIED: f64 = 0.5 * MASS * RADIUS * RADIUS + WHEEL;
 
-/// Moved mass with the wheels' inertia [kg].
+/// Moved mass with the wheels' inertia \[kg\].
 const MOVED: f64 = MASS + 2.0 * WHEEL / (RADIUS * RADIUS);
 
 #[test]

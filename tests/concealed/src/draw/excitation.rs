@@ -32,7 +32,7 @@ impl Manner {
         }
     }
 
-    /// Highest angular frequency with much in it [rad/s]; infinite where there are steps.
+    /// Highest angular frequency with much in it \[rad/s\]; infinite where there are steps.
     pub fn bandwidth(self) -> f64 {
         match self {
             Manner::Rich | Manner::OneDirectional => f64::INFINITY,
@@ -47,7 +47,7 @@ impl Manner {
         *pick(rng, &others)
     }
 
-    /// Draws commands at `stamps` for a robot with typical speeds `typical` and half track `half_track` [m].
+    /// Draws commands at `stamps` for a robot with typical speeds `typical` and half track `half_track` \[m\].
     pub fn commands<R: Rng>(self, stamps: &[f64], typical: [f64; 2], half_track: f64, rng: &mut R) -> Vec<Command> {
         let start = stamps.first().copied().unwrap_or(0.0);
         let length = stamps.last().copied().unwrap_or(0.0) - start;

@@ -45,13 +45,13 @@ pub struct Machine {
     pub firmware: Firmware,
     /// Its sensors.
     pub sensors: Sensors,
-    /// Typical forward [m/s] and turning speed [rad/s].
+    /// Typical forward \[m/s\] and turning speed \[rad/s\].
     pub typical: [f64; 2],
-    /// Force per forward speed error [N s/m] and yaw torque per turning speed error [N m s/rad] of the servo.
+    /// Force per forward speed error \[N s/m\] and yaw torque per turning speed error \[N m s/rad\] of the servo.
     pub servo: [f64; 2],
-    /// Mass with what turns with it [kg], yaw inertia about the axle likewise [kg m²].
+    /// Mass with what turns with it \[kg\], yaw inertia about the axle likewise \[kg m²\].
     pub moved: [f64; 2],
-    /// Force per forward speed [N s/m] and yaw torque per turning speed [N m s/rad] that back-EMF and bearings cost.
+    /// Force per forward speed \[N s/m\] and yaw torque per turning speed \[N m s/rad\] that back-EMF and bearings cost.
     pub drag: [f64; 2],
     /// Which kind it is.
     pub kind: Kind,
@@ -210,12 +210,12 @@ impl Machine {
         self.moved[1] += extra * self.firmware.half_track * self.firmware.half_track;
     }
 
-    /// Largest moment of mass about the axle [kg m] at which `share` of the yaw servo's stiffness is at most lost at speed.
+    /// Largest moment of mass about the axle \[kg m\] at which `share` of the yaw servo's stiffness is at most lost at speed.
     pub fn steady_moment(&self, share: f64) -> f64 {
         share * self.servo[1] / (FASTEST * self.typical[0])
     }
 
-    /// Forward and yaw time constants [s] of the servo.
+    /// Forward and yaw time constants \[s\] of the servo.
     pub fn times(&self) -> [f64; 2] {
         [self.moved[0] / self.servo[0], self.moved[1] / self.servo[1]]
     }

@@ -19,13 +19,13 @@ pub enum Style {
 pub struct Control {
     /// What the loop is closed over.
     pub style: Style,
-    /// Proportional gains: volts per rim speed [V s/m], forward and turning (equal for `Wheels` and `Open`).
+    /// Proportional gains: volts per rim speed \[V s/m\], forward and turning (equal for `Wheels` and `Open`).
     pub gain: [f64; 2],
-    /// Volts per rim acceleration [V s²/m], against it.
+    /// Volts per rim acceleration \[V s²/m\], against it.
     pub rate_gain: f64,
-    /// Integral over proportional gain [1/s], forward and turning.
+    /// Integral over proportional gain \[1/s\], forward and turning.
     pub integral: [f64; 2],
-    /// Largest integral [m/s at the rim]; infinite without anti-windup.
+    /// Largest integral \[m/s at the rim\]; infinite without anti-windup.
     pub windup: f64,
 }
 
@@ -47,7 +47,7 @@ fn join([mean, half]: [f64; 2]) -> [f64; 2] {
 }
 
 impl Loops {
-    /// Voltages `[left, right]` for wanted rim speeds [m/s] and measured wheel speeds [rad/s].
+    /// Voltages `[left, right]` for wanted rim speeds \[m/s\] and measured wheel speeds \[rad/s\].
     pub fn act(&mut self, firmware: &Firmware, wanted: [f64; 2], speed: [f64; 2]) -> [f64; 2] {
         let control = &firmware.control;
         let rim = [speed[LEFT] * firmware.radius, speed[RIGHT] * firmware.radius];

@@ -5,13 +5,13 @@ use super::Command;
 /// The message queue's behaviour.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Link {
-    /// Mean time from sending to acting [s].
+    /// Mean time from sending to acting \[s\].
     pub latency: f64,
     /// Variation of the latency of each message, as a share of the latency (uniform on both sides).
     pub variation: f64,
     /// Times during which nothing gets through: the last command stays in force.
     pub lost: Vec<(f64, f64)>,
-    /// Time without a message after which the robot stops by itself [s].
+    /// Time without a message after which the robot stops by itself \[s\].
     pub dead_man: Option<f64>,
 }
 

@@ -10,14 +10,14 @@ use control::{Control, Loops};
 use link::{Inbox, Link};
 use setpoint::{Shaper, Shaping};
 
-/// One command as sent: time [s], forward speed [m/s], turning speed [rad/s].
+/// One command as sent: time \[s\], forward speed \[m/s\], turning speed \[rad/s\].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Command {
-    /// When it is sent [s].
+    /// When it is sent \[s\].
     pub t: f64,
-    /// Forward speed [m/s].
+    /// Forward speed \[m/s\].
     pub v: f64,
-    /// Turning speed [rad/s].
+    /// Turning speed \[rad/s\].
     pub omega: f64,
 }
 
@@ -30,11 +30,11 @@ pub struct Firmware {
     pub shaping: Shaping,
     /// The control law.
     pub control: Control,
-    /// Wheel radius the firmware believes [m].
+    /// Wheel radius the firmware believes \[m\].
     pub radius: f64,
-    /// Half track the firmware believes [m].
+    /// Half track the firmware believes \[m\].
     pub half_track: f64,
-    /// Control period [s].
+    /// Control period \[s\].
     pub period: f64,
 }
 

@@ -6,25 +6,25 @@ use crate::plant::{LEFT, RIGHT};
 /// Settings of the set-point path; the default hands set-points through.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Shaping {
-    /// Step to which the forward set-point is rounded [m/s] and the turning one [rad/s]; zero: not rounded.
+    /// Step to which the forward set-point is rounded \[m/s\] and the turning one \[rad/s\]; zero: not rounded.
     pub rounding: [f64; 2],
-    /// Largest change of forward set-point [m/s²] and turning set-point [rad/s²].
+    /// Largest change of forward set-point \[m/s²\] and turning set-point \[rad/s²\].
     pub ramp: [f64; 2],
-    /// Largest change of a wheel's set-point [m/s²], speeding up and slowing down.
+    /// Largest change of a wheel's set-point \[m/s²\], speeding up and slowing down.
     pub wheel_ramp: [f64; 2],
     /// Largest forward and turning set-point.
     pub axis_limit: [f64; 2],
-    /// Largest set-point of a wheel [m/s].
+    /// Largest set-point of a wheel \[m/s\].
     pub wheel_limit: f64,
     /// Whether that limit bends softly instead of cutting.
     pub soft_limit: bool,
-    /// Smallest set-point of a wheel that has any effect [m/s].
+    /// Smallest set-point of a wheel that has any effect \[m/s\].
     pub least: f64,
     /// Whether the smallest set-point is taken off larger ones (a dead band) instead of passing them whole (a threshold).
     pub subtract: bool,
     /// Calibration of left and right set-point.
     pub scale: [f64; 2],
-    /// Time constant of smoothing the wheels' set-points [s].
+    /// Time constant of smoothing the wheels' set-points \[s\].
     pub smoothing: f64,
     /// Whether smoothing has two equal stages of half the time constant each.
     pub two_stages: bool,
@@ -62,7 +62,7 @@ fn towards(from: f64, to: f64, most: f64) -> f64 {
 }
 
 impl Shaper {
-    /// Rim speeds `[left, right]` [m/s] wanted now.
+    /// Rim speeds `[left, right]` \[m/s\] wanted now.
     pub fn shape(&mut self, set: &Shaping, asked: Command, half_track: f64, period: f64) -> [f64; 2] {
         for (k, asked) in [asked.v, asked.omega].into_iter().enumerate() {
             let rounded = if set.rounding[k] > 0.0 { (asked / set.rounding[k]).round() * set.rounding[k] } else { asked };

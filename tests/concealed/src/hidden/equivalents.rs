@@ -13,11 +13,11 @@ pub struct Circumstances {
     pub reverses: bool,
     /// Share of the time in which the slower wheel was slower than twice the Stribeck speed (0 without one).
     pub crawls: f64,
-    /// Highest angular frequency of the commands [rad/s].
+    /// Highest angular frequency of the commands \[rad/s\].
     pub bandwidth: f64,
-    /// Longer time constant of the servo [s].
+    /// Longer time constant of the servo \[s\].
     pub time: f64,
-    /// Delay or lag, where one is hidden [s].
+    /// Delay or lag, where one is hidden \[s\].
     pub late: f64,
     /// Whether wheel speeds are recorded.
     pub wheels: bool,

@@ -90,38 +90,38 @@ pub struct Subject<'a> {
     pub machine: &'a mut Machine,
     /// How strongly.
     pub strength: f64,
-    /// Begin and end of the first recording [s].
+    /// Begin and end of the first recording \[s\].
     pub span: (f64, f64),
-    /// End of everything that will be driven [s].
+    /// End of everything that will be driven \[s\].
     pub until: f64,
-    /// Spacing of its rows [s].
+    /// Spacing of its rows \[s\].
     pub row: f64,
     /// What the first recording asks of an ideal robot.
     pub asked: Demands,
 }
 
 impl Subject<'_> {
-    /// Force [N] on the whole robot worth `share` of the typical speed in set-point.
+    /// Force \[N\] on the whole robot worth `share` of the typical speed in set-point.
     pub fn force(&self, share: f64) -> f64 {
         share * self.machine.typical[0] * self.machine.servo[0]
     }
 
-    /// Yaw torque [N m] worth `share` of the typical turning speed in set-point.
+    /// Yaw torque \[N m\] worth `share` of the typical turning speed in set-point.
     pub fn torque(&self, share: f64) -> f64 {
         share * self.machine.typical[1].abs() * self.machine.servo[1]
     }
 
-    /// Torque [N m] at each wheel of a force of both together.
+    /// Torque \[N m\] at each wheel of a force of both together.
     pub fn wheel_torque(&self, force: f64) -> f64 {
         0.5 * force * self.machine.firmware.radius
     }
 
-    /// Forward typical speed [m/s].
+    /// Forward typical speed \[m/s\].
     pub fn speed(&self) -> f64 {
         self.machine.typical[0]
     }
 
-    /// Typical wheel speed [rad/s].
+    /// Typical wheel speed \[rad/s\].
     pub fn wheel_speed(&self) -> f64 {
         self.speed() / self.machine.firmware.radius
     }
@@ -135,11 +135,11 @@ impl Subject<'_> {
 /// What a drive asks of an ideal robot.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Demands {
-    /// Fastest rim set-point [m/s].
+    /// Fastest rim set-point \[m/s\].
     pub fastest: f64,
-    /// Largest force at a rim [N].
+    /// Largest force at a rim \[N\].
     pub hardest: f64,
-    /// Largest voltage at a motor [V].
+    /// Largest voltage at a motor \[V\].
     pub voltage: f64,
 }
 

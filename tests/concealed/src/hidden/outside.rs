@@ -14,7 +14,7 @@ use std::f64::consts::TAU;
 pub struct Known {
     /// When it acts, where only at some times.
     pub during: Vec<(f64, f64)>,
-    /// Names that are the same mathematics, under the given bandwidth of driving [rad/s].
+    /// Names that are the same mathematics, under the given bandwidth of driving \[rad/s\].
     pub same: Vec<(&'static str, f64)>,
 }
 

@@ -17,10 +17,10 @@ use rand::Rng;
 use rand::rngs::StdRng;
 use std::f64::consts::PI;
 
-/// Time between two drives of a case [s].
+/// Time between two drives of a case \[s\].
 pub const PAUSE: f64 = 20.0;
 
-/// Longest further drive foreseen for what happens at times [s].
+/// Longest further drive foreseen for what happens at times \[s\].
 const FURTHER: f64 = 300.0;
 
 /// A robot with what is hidden in it.
@@ -38,7 +38,7 @@ pub struct Built {
     pub commands: [Vec<Command>; 2],
     /// Commands as they are written: the same, unless they are another drive's.
     pub written: [Vec<Command>; 2],
-    /// Heading of the mark on which each drive begins [rad].
+    /// Heading of the mark on which each drive begins \[rad\].
     pub heading: f64,
 }
 
@@ -99,7 +99,7 @@ impl Built {
         Trace::drive(&self.machine.rig, &self.machine.firmware, commands, end, self.heading, || luck.random())
     }
 
-    /// When the second recording ends [s].
+    /// When the second recording ends \[s\].
     pub fn end(&self) -> f64 {
         self.commands[1].last().map_or(0.0, |c| c.t)
     }

@@ -72,7 +72,7 @@ pub struct Recipe {
     pub manner: [Manner; 2],
     /// Rows a second.
     pub rate: f64,
-    /// Lengths of the two recordings [s].
+    /// Lengths of the two recordings \[s\].
     pub length: [f64; 2],
     /// Share of rows that are lost.
     pub lost: f64,

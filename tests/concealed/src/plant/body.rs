@@ -7,13 +7,13 @@
 /// Mass, yaw inertia and centre of mass of everything that does not turn with the wheels.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Body {
-    /// Mass [kg].
+    /// Mass \[kg\].
     pub mass: f64,
-    /// Yaw inertia about the centre of mass [kg m²].
+    /// Yaw inertia about the centre of mass \[kg m²\].
     pub inertia: f64,
-    /// Centre of mass ahead of the axle [m].
+    /// Centre of mass ahead of the axle \[m\].
     pub forward: f64,
-    /// Centre of mass left of the middle [m].
+    /// Centre of mass left of the middle \[m\].
     pub left: f64,
 }
 
@@ -31,7 +31,7 @@ impl Body {
         [moment * omega * omega, -moment * v * omega]
     }
 
-    /// Generalised forces of a force `(along, across)` [N] acting at the centre of mass.
+    /// Generalised forces of a force `(along, across)` \[N\] acting at the centre of mass.
     pub fn at_centre(&self, along: f64, across: f64) -> [f64; 2] {
         [along, self.forward * across - self.left * along]
     }
@@ -48,7 +48,7 @@ impl Body {
         Body { mass, inertia: about(self) + about(&load), forward, left }
     }
 
-    /// Kinetic energy at `(v, omega)` [J].
+    /// Kinetic energy at `(v, omega)` \[J\].
     pub fn energy(&self, v: f64, omega: f64) -> f64 {
         let m = self.matrix();
         0.5 * (m[0][0] * v * v + 2.0 * m[0][1] * v * omega + m[1][1] * omega * omega)
@@ -60,9 +60,9 @@ impl Body {
 pub struct Load {
     /// The load's mass, own inertia and place.
     pub body: Body,
-    /// Begin and end of its coming on [s]; equal for a load that is there at once.
+    /// Begin and end of its coming on \[s\]; equal for a load that is there at once.
     pub on: (f64, f64),
-    /// Begin and end of its going off [s]; infinite when it stays.
+    /// Begin and end of its going off \[s\]; infinite when it stays.
     pub off: (f64, f64),
 }
 

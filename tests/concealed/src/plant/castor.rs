@@ -6,19 +6,19 @@
 /// A swivelling castor.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Castor {
-    /// Pivot ahead of the axle [m]; negative when behind.
+    /// Pivot ahead of the axle \[m\]; negative when behind.
     pub pivot: f64,
-    /// Distance from pivot to contact [m].
+    /// Distance from pivot to contact \[m\].
     pub trail: f64,
-    /// Inertia about the pivot [kg m²].
+    /// Inertia about the pivot \[kg m²\].
     pub inertia: f64,
-    /// Rolling force against its motion [N].
+    /// Rolling force against its motion \[N\].
     pub rolling: f64,
-    /// Dry friction of the swivel [N m].
+    /// Dry friction of the swivel \[N m\].
     pub swivel: f64,
-    /// Sideways force per slip angle [N/rad].
+    /// Sideways force per slip angle \[N/rad\].
     pub lateral: f64,
-    /// Speed below which slip is taken against this speed [m/s].
+    /// Speed below which slip is taken against this speed \[m/s\].
     pub floor: f64,
 }
 
@@ -27,7 +27,7 @@ pub struct Castor {
 pub struct Push {
     /// Generalised forces on `[v, omega]`.
     pub force: [f64; 2],
-    /// Swivel rate against the robot after the step [rad/s].
+    /// Swivel rate against the robot after the step \[rad/s\].
     pub rate: f64,
 }
 
@@ -52,11 +52,11 @@ impl Castor {
 /// A ball that drags wherever its contact moves.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Ball {
-    /// Contact ahead of the axle [m]; negative when behind.
+    /// Contact ahead of the axle \[m\]; negative when behind.
     pub place: f64,
-    /// Force against its motion [N].
+    /// Force against its motion \[N\].
     pub drag: f64,
-    /// Speed over which the force builds up [m/s].
+    /// Speed over which the force builds up \[m/s\].
     pub soft: f64,
 }
 

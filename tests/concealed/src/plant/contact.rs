@@ -12,16 +12,16 @@ pub enum Contact {
 /// The brush tyre: bristles that stick until the friction limit, then slide.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Tyre {
-    /// Force per unit of slip ratio at small slip [N].
+    /// Force per unit of slip ratio at small slip \[N\].
     pub stiffness: f64,
-    /// Largest force: friction coefficient times load [N].
+    /// Largest force: friction coefficient times load \[N\].
     pub grip: f64,
-    /// Speed below which slip is taken against this speed [m/s] (the contact's own length at standstill).
+    /// Speed below which slip is taken against this speed \[m/s\] (the contact's own length at standstill).
     pub floor: f64,
 }
 
 impl Tyre {
-    /// Force of the brush [N] at a slip ratio.
+    /// Force of the brush \[N\] at a slip ratio.
     pub fn force(&self, slip: f64) -> f64 {
         let sliding = 3.0 * self.grip / self.stiffness;
         if slip.abs() >= sliding {
@@ -31,7 +31,7 @@ impl Tyre {
         3.0 * self.grip * part * (1.0 - part.abs() + part * part / 3.0)
     }
 
-    /// Slip velocity per force [m/s/N] about the present slip velocity; `reference` is the faster of rim and hub [m/s].
+    /// Slip velocity per force \[m/s/N\] about the present slip velocity; `reference` is the faster of rim and hub \[m/s\].
     pub fn compliance(&self, slip_velocity: f64, reference: f64) -> f64 {
         let reference = reference.abs().max(self.floor);
         let slip = slip_velocity / reference;
@@ -40,7 +40,7 @@ impl Tyre {
 }
 
 impl Contact {
-    /// Slip velocity per force [m/s/N]; zero where the wheel cannot slip.
+    /// Slip velocity per force \[m/s/N\]; zero where the wheel cannot slip.
     pub fn compliance(&self, slip_velocity: f64, reference: f64) -> f64 {
         match self {
             Contact::Rolling => 0.0,
@@ -53,14 +53,14 @@ impl Contact {
 /// by turning, while the wheels roll.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Scrub {
-    /// Distance of the patches from the middle, along the robot [m].
+    /// Distance of the patches from the middle, along the robot \[m\].
     pub arm: f64,
     /// The tyre across its rolling direction, one patch.
     pub patch: Tyre,
 }
 
 impl Scrub {
-    /// Yaw torque against turning [N m], for the speeds at which the two sides roll [m/s].
+    /// Yaw torque against turning \[N m\], for the speeds at which the two sides roll \[m/s\].
     pub fn torque(&self, omega: f64, sides: [f64; 2]) -> f64 {
         let dragged = self.arm * omega;
         let across = |rolling: f64| self.patch.force(dragged / rolling.abs().max(self.patch.floor));

@@ -3,18 +3,18 @@
 /// An elastic coupling with a gap.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Gear {
-    /// Whole width of the gap, at the wheel [rad].
+    /// Whole width of the gap, at the wheel \[rad\].
     pub gap: f64,
-    /// Stiffness of the flanks or shaft [N m/rad].
+    /// Stiffness of the flanks or shaft \[N m/rad\].
     pub stiffness: f64,
-    /// Damping while in contact [N m s/rad].
+    /// Damping while in contact \[N m s/rad\].
     pub damping: f64,
-    /// Inertia of the rotor, at the wheel [kg m²].
+    /// Inertia of the rotor, at the wheel \[kg m²\].
     pub rotor: f64,
 }
 
 impl Gear {
-    /// Torque from rotor to wheel [N m] for the twist between them [rad] and its rate [rad/s]; flanks push, they do not pull.
+    /// Torque from rotor to wheel \[N m\] for the twist between them \[rad\] and its rate \[rad/s\]; flanks push, they do not pull.
     pub fn torque(&self, twist: f64, rate: f64) -> f64 {
         let linear = |deflection: f64| self.stiffness * deflection + self.damping * rate;
         let half = 0.5 * self.gap;

@@ -26,15 +26,15 @@ pub const RIGHT: usize = 1;
 /// One wheel as it really is.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Wheel {
-    /// Mean radius [m].
+    /// Mean radius \[m\].
     pub radius: f64,
     /// Radius variation over a turn, as a share of the radius.
     pub eccentricity: f64,
     /// Periods of the variation per turn (1: off-centre, 2: oval).
     pub lobes: f64,
-    /// Angle at which it begins [rad].
+    /// Angle at which it begins \[rad\].
     pub phase: f64,
-    /// Inertia of wheel and everything that turns with it, at the wheel [kg m²].
+    /// Inertia of wheel and everything that turns with it, at the wheel \[kg m²\].
     pub inertia: f64,
     /// Bearing and gear friction.
     pub bearing: Bearing,
@@ -43,7 +43,7 @@ pub struct Wheel {
 }
 
 impl Wheel {
-    /// Radius that touches the ground at wheel angle `angle` [m].
+    /// Radius that touches the ground at wheel angle `angle` \[m\].
     pub fn radius_at(&self, angle: f64) -> f64 {
         if self.eccentricity == 0.0 {
             return self.radius;
@@ -57,7 +57,7 @@ impl Wheel {
 pub struct Lifted {
     /// Which wheel.
     pub wheel: usize,
-    /// Begin and end [s].
+    /// Begin and end \[s\].
     pub during: Vec<(f64, f64)>,
 }
 
@@ -70,13 +70,13 @@ pub struct Rig {
     pub wheels: [Wheel; 2],
     /// Left and right motor.
     pub motors: [Motor; 2],
-    /// Half the true distance between the wheels [m].
+    /// Half the true distance between the wheels \[m\].
     pub half_track: f64,
     /// The battery.
     pub battery: Battery,
     /// Rolling resistance coefficient of wheels and third wheel.
     pub rolling_resistance: f64,
-    /// Where the third wheel stands, ahead of the axle [m] (negative: behind).
+    /// Where the third wheel stands, ahead of the axle \[m\] (negative: behind).
     pub third_wheel: f64,
     /// Gear play or a soft shaft, where there is one.
     pub gear: Option<Gear>,
@@ -92,7 +92,7 @@ pub struct Rig {
     pub lifted: Option<Lifted>,
     /// Slope, carpet, air, pushes.
     pub surroundings: Surroundings,
-    /// Speed below which "soft" laws of the ground bend [m/s].
+    /// Speed below which "soft" laws of the ground bend \[m/s\].
     pub soft_speed: f64,
 }
 
@@ -102,7 +102,7 @@ impl Rig {
         self.load.map_or(self.body, |load| load.carried(&self.body, t))
     }
 
-    /// Normal loads `[left, right, third]` [N] of a body at rest on three points.
+    /// Normal loads `[left, right, third]` \[N\] of a body at rest on three points.
     pub fn normal_loads(&self, body: &Body) -> [f64; 3] {
         let weight = body.mass * GRAVITY;
         let third = if self.third_wheel == 0.0 { 0.0 } else { (body.forward / self.third_wheel).clamp(0.05, 0.6) };
@@ -129,27 +129,27 @@ impl Rig {
 /// Where everything is and how fast it moves.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct State {
-    /// Time [s].
+    /// Time \[s\].
     pub t: f64,
-    /// Place of the axle's middle [m] and heading [rad].
+    /// Place of the axle's middle \[m\] and heading \[rad\].
     pub pose: (f64, f64, f64),
-    /// Forward speed [m/s] and turning speed [rad/s] of the axle's middle.
+    /// Forward speed \[m/s\] and turning speed \[rad/s\] of the axle's middle.
     pub twist: [f64; 2],
-    /// Yaw acceleration over the last step [rad/s²].
+    /// Yaw acceleration over the last step \[rad/s²\].
     pub turning: f64,
-    /// Wheel speeds [rad/s].
+    /// Wheel speeds \[rad/s\].
     pub wheel: [f64; 2],
-    /// Wheel angles [rad].
+    /// Wheel angles \[rad\].
     pub angle: [f64; 2],
-    /// Rotor speeds at the wheel's side of the gear [rad/s]; the wheel's own where nothing gives between them.
+    /// Rotor speeds at the wheel's side of the gear \[rad/s\]; the wheel's own where nothing gives between them.
     pub rotor: [f64; 2],
-    /// Rotor angles, likewise [rad].
+    /// Rotor angles, likewise \[rad\].
     pub rotor_angle: [f64; 2],
-    /// Winding currents [A].
+    /// Winding currents \[A\].
     pub current: [f64; 2],
-    /// Bristle deflections of the bearings [rad].
+    /// Bristle deflections of the bearings \[rad\].
     pub bristle: [f64; 2],
-    /// Swivel angle of the castor [rad] and its rate [rad/s].
+    /// Swivel angle of the castor \[rad\] and its rate \[rad/s\].
     pub swivel: (f64, f64),
 }
 

@@ -3,28 +3,28 @@
 /// Constants of one motor at the wheel's side of the gear.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Motor {
-    /// Torque per current [N m/A].
+    /// Torque per current \[N m/A\].
     pub torque_constant: f64,
-    /// Voltage per wheel speed [V s/rad].
+    /// Voltage per wheel speed \[V s/rad\].
     pub back_emf: f64,
-    /// Winding resistance [ohm].
+    /// Winding resistance \[ohm\].
     pub resistance: f64,
-    /// Winding inductance over resistance [s]; zero: current follows at once.
+    /// Winding inductance over resistance \[s\]; zero: current follows at once.
     pub electric_time: f64,
-    /// Largest current the driver lets through [A].
+    /// Largest current the driver lets through \[A\].
     pub current_limit: f64,
-    /// Largest voltage the driver can put out [V].
+    /// Largest voltage the driver can put out \[V\].
     pub voltage_limit: f64,
-    /// Voltage the driver's bridge loses before any reaches the motor [V].
+    /// Voltage the driver's bridge loses before any reaches the motor \[V\].
     pub voltage_lost: f64,
     /// Factor of the driver's output (amplifier tolerance).
     pub amplifier: f64,
-    /// Torque ripple: size [N m] and periods per turn of the wheel.
+    /// Torque ripple: size \[N m\] and periods per turn of the wheel.
     pub cogging: (f64, f64),
 }
 
 impl Motor {
-    /// Current [A] the winding settles at for what the firmware asks, `voltage` [V], at wheel speed `speed` [rad/s].
+    /// Current \[A\] the winding settles at for what the firmware asks, `voltage` \[V\], at wheel speed `speed` \[rad/s\].
     pub fn settled_current(&self, voltage: f64, speed: f64) -> f64 {
         let asked = voltage * self.amplifier;
         let passed = asked.signum() * (asked.abs() - self.voltage_lost).max(0.0);
@@ -37,7 +37,7 @@ impl Motor {
         if self.electric_time <= 0.0 { settled } else { settled + (current - settled) * (-step / self.electric_time).exp() }
     }
 
-    /// Torque at the wheel [N m] for a current and a wheel angle.
+    /// Torque at the wheel \[N m\] for a current and a wheel angle.
     pub fn torque(&self, current: f64, angle: f64) -> f64 {
         let (size, periods) = self.cogging;
         let ripple = if size == 0.0 { 0.0 } else { size * (periods * angle).sin() };
@@ -48,13 +48,13 @@ impl Motor {
 /// The battery: how its voltage falls, as a factor of the voltage it had when full.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Battery {
-    /// Loss of open-circuit voltage reached at `span` [fraction].
+    /// Loss of open-circuit voltage reached at `span` \[fraction\].
     pub loss: f64,
-    /// Time over which `loss` is reached [s].
+    /// Time over which `loss` is reached \[s\].
     pub span: f64,
     /// Shape of the discharge.
     pub shape: Discharge,
-    /// Loss per ampere drawn [fraction/A], from the cells' own resistance.
+    /// Loss per ampere drawn \[fraction/A\], from the cells' own resistance.
     pub per_ampere: f64,
 }
 

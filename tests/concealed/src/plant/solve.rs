@@ -11,21 +11,21 @@ use super::body::Body;
 pub struct Balance {
     /// Body at this time.
     pub body: Body,
-    /// Half track [m].
+    /// Half track \[m\].
     pub half_track: f64,
-    /// Wheel inertias [kg m²].
+    /// Wheel inertias \[kg m²\].
     pub inertia: [f64; 2],
-    /// Wheel radii at these angles [m].
+    /// Wheel radii at these angles \[m\].
     pub radius: [f64; 2],
-    /// Slip velocity per contact force [m/s/N].
+    /// Slip velocity per contact force \[m/s/N\].
     pub compliance: [f64; 2],
-    /// Torques on the wheels, friction excluded [N m].
+    /// Torques on the wheels, friction excluded \[N m\].
     pub torque: [f64; 2],
     /// Generalised forces on the body, contacts excluded.
     pub force: [f64; 2],
-    /// What friction can hold `(against forward, against backward)` [N m].
+    /// What friction can hold `(against forward, against backward)` \[N m\].
     pub bounds: [(f64, f64); 2],
-    /// Length of the step [s].
+    /// Length of the step \[s\].
     pub step: f64,
 }
 
@@ -34,9 +34,9 @@ pub struct Balance {
 pub struct Moved {
     /// `[v, omega]`.
     pub twist: [f64; 2],
-    /// Wheel speeds [rad/s].
+    /// Wheel speeds \[rad/s\].
     pub wheel: [f64; 2],
-    /// Contact forces on the robot [N].
+    /// Contact forces on the robot \[N\].
     pub contact: [f64; 2],
 }
 

@@ -5,7 +5,7 @@ use super::castor::Push;
 use super::solve::{Balance, Moved};
 use super::{LEFT, RIGHT, Rig, State};
 
-/// Slip velocity per force [m/s/N] of a wheel in the air.
+/// Slip velocity per force \[m/s/N\] of a wheel in the air.
 const IN_THE_AIR: f64 = 1e9;
 
 /// Forces at one state.
@@ -148,7 +148,7 @@ impl Rig {
         next
     }
 
-    /// Longest step [s] at which every part of this rig is integrated without harm.
+    /// Longest step \[s\] at which every part of this rig is integrated without harm.
     pub fn longest_step(&self) -> f64 {
         let bristles = |dry: Option<Dry>| matches!(dry, Some(Dry { law: Law::Bristles { .. }, .. }));
         if self.gear.is_some() {

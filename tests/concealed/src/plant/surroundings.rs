@@ -1,21 +1,21 @@
 //! What acts on the robot from outside: slope, patches of rough ground, air, pushes.
 
-/// Standard gravity [m/s²].
+/// Standard gravity \[m/s²\].
 pub const GRAVITY: f64 = 9.806_65;
 
 /// The ground's inclination.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Slope {
-    /// Part of gravity along the plane [m/s²] (gravity times the sine of the inclination).
+    /// Part of gravity along the plane \[m/s²\] (gravity times the sine of the inclination).
     pub pull: f64,
-    /// Direction downhill, in the frame of the pose [rad].
+    /// Direction downhill, in the frame of the pose \[rad\].
     pub downhill: f64,
-    /// Distance over which the inclination goes up and down as one crosses it [m]; infinite for a plane.
+    /// Distance over which the inclination goes up and down as one crosses it \[m\]; infinite for a plane.
     pub wave: f64,
 }
 
 impl Slope {
-    /// Acceleration of gravity along and across the robot [m/s²].
+    /// Acceleration of gravity along and across the robot \[m/s²\].
     pub fn acceleration(&self, (x, y, psi): (f64, f64, f64)) -> (f64, f64) {
         let along_hill = x * self.downhill.cos() + y * self.downhill.sin();
         let pull = if self.wave.is_finite() { self.pull * (std::f64::consts::TAU * along_hill / self.wave).cos() } else { self.pull };
@@ -27,11 +27,11 @@ impl Slope {
 /// Rough ground in part of the room: extra drag where the robot is on it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Carpet {
-    /// Width of a stripe and of the gap between stripes [m], along the room's x.
+    /// Width of a stripe and of the gap between stripes \[m\], along the room's x.
     pub stripe: f64,
-    /// Drag on carpet [N].
+    /// Drag on carpet \[N\].
     pub drag: f64,
-    /// Speed over which the drag builds up [m/s].
+    /// Speed over which the drag builds up \[m/s\].
     pub soft: f64,
 }
 
@@ -54,7 +54,7 @@ pub struct Air {
 }
 
 impl Air {
-    /// Force along the robot [N] and yaw torque [N m].
+    /// Force along the robot \[N\] and yaw torque \[N m\].
     pub fn resistance(&self, v: f64, omega: f64) -> (f64, f64) {
         (-self.drag * v.signum() * v.abs().powf(self.power), -self.yaw * omega.signum() * omega.abs().powf(self.power))
     }
@@ -63,9 +63,9 @@ impl Air {
 /// Something pushes for a while.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Shove {
-    /// Begin and end [s].
+    /// Begin and end \[s\].
     pub during: (f64, f64),
-    /// Generalised forces on `[v, omega]` at its height, [N] and [N m].
+    /// Generalised forces on `[v, omega]` at its height, \[N\] and \[N m\].
     pub force: [f64; 2],
 }
 

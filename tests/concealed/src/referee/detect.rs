@@ -20,7 +20,7 @@ pub struct Scene<'a> {
     pub seen: &'a Speeds,
     /// The noise.
     pub weights: &'a Weights,
-    /// Half track, where wheel speeds are recorded [m].
+    /// Half track, where wheel speeds are recorded \[m\].
     pub half_track: Option<f64>,
 }
 

@@ -83,7 +83,7 @@ pub struct Entry {
     pub noise: String,
     /// Standard deviation of the noise over the root mean square of the signal, per channel.
     pub noise_level: PerChannel,
-    /// Rate of the rows [Hz].
+    /// Rate of the rows \[Hz\].
     pub rate_hz: f64,
     /// Strength on the scale where 1 is strong; the weaker of two.
     pub strength: Option<f64>,
@@ -97,7 +97,7 @@ pub struct Entry {
     pub times: Option<Vec<[f64; 2]>>,
     /// Where it acts, where only in some regions.
     pub regions: Option<Vec<Region>>,
-    /// Free-run fit of the true noise-free response on `validate.csv` [percent].
+    /// Free-run fit of the true noise-free response on `validate.csv` \[percent\].
     pub noise_ceiling: Option<PerChannel>,
     /// Where the case comes from.
     pub origin: Origin,

@@ -15,7 +15,7 @@ pub type Lumped = [f64; 8];
 /// Speeds at the rows of a recording.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Speeds {
-    /// Channels `v`, `omega`, and, where wheels are recorded, left and right rim speed [m/s].
+    /// Channels `v`, `omega`, and, where wheels are recorded, left and right rim speed \[m/s\].
     pub channels: Vec<Vec<f64>>,
 }
 

@@ -31,23 +31,23 @@ pub enum Lateness {
 pub struct Sensors {
     /// Where the speeds come from.
     pub source: Source,
-    /// Wheel radius believed [m].
+    /// Wheel radius believed \[m\].
     pub radius: f64,
-    /// Half track believed [m].
+    /// Half track believed \[m\].
     pub half_track: f64,
-    /// Age of forward and turning speed when they are stamped [s].
+    /// Age of forward and turning speed when they are stamped \[s\].
     pub delay: [f64; 2],
-    /// Path on the rim per encoder count [m]; zero: speeds are not made from counts.
+    /// Path on the rim per encoder count \[m\]; zero: speeds are not made from counts.
     pub tick: f64,
-    /// Rounding of forward [m/s] and turning speed [rad/s] in the message.
+    /// Rounding of forward \[m/s\] and turning speed \[rad/s\] in the message.
     pub rounding: [f64; 2],
-    /// Standard deviation of the moment of measuring about its stamp [s].
+    /// Standard deviation of the moment of measuring about its stamp \[s\].
     pub jitter: f64,
     /// How that moment scatters.
     pub lateness: Lateness,
     /// Largest forward and turning speed the sensor can show.
     pub range: [f64; 2],
-    /// Slow bias of the turning speed: size [rad/s] and period [s].
+    /// Slow bias of the turning speed: size \[rad/s\] and period \[s\].
     pub drift: (f64, f64),
     /// Off-centre encoder discs: share of the speed that ripples, once a turn.
     pub disc: f64,
@@ -56,13 +56,13 @@ pub struct Sensors {
 /// The columns of one recording, without noise or with it.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Columns {
-    /// Forward speed [m/s].
+    /// Forward speed \[m/s\].
     pub v: Vec<f64>,
-    /// Turning speed [rad/s].
+    /// Turning speed \[rad/s\].
     pub omega: Vec<f64>,
-    /// Wheel speeds, left and right [rad/s].
+    /// Wheel speeds, left and right \[rad/s\].
     pub wheel: [Vec<f64>; 2],
-    /// Place [m] and heading [rad].
+    /// Place \[m\] and heading \[rad\].
     pub pose: [Vec<f64>; 3],
 }
 

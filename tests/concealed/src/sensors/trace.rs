@@ -7,13 +7,13 @@ use crate::plant::{LEFT, RIGHT, Rig, State};
 /// One moment of a drive.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Moment {
-    /// Forward and turning speed of the body [m/s], [rad/s].
+    /// Forward and turning speed of the body \[m/s\], \[rad/s\].
     pub twist: [f64; 2],
     /// Place and heading.
     pub pose: (f64, f64, f64),
-    /// Wheel speeds [rad/s].
+    /// Wheel speeds \[rad/s\].
     pub wheel: [f64; 2],
-    /// Wheel angles [rad].
+    /// Wheel angles \[rad\].
     pub angle: [f64; 2],
 }
 
@@ -25,7 +25,7 @@ pub struct Trace {
     moments: Vec<Moment>,
 }
 
-/// Spacing of a trace's moments [s].
+/// Spacing of a trace's moments \[s\].
 const SPACING: f64 = 2e-3;
 
 impl Trace {

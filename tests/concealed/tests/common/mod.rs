@@ -7,13 +7,13 @@ use wheelwright_concealed::plant::motor::{Battery, Motor};
 use wheelwright_concealed::plant::surroundings::Surroundings;
 use wheelwright_concealed::plant::{Rig, State, Wheel};
 
-/// Mass [kg] of the bare robot.
+/// Mass \[kg\] of the bare robot.
 pub(crate) const MASS: f64 = 9.0;
-/// Wheel radius [m].
+/// Wheel radius \[m\].
 pub(crate) const RADIUS: f64 = 0.1;
-/// Inertia of each wheel [kg m²].
+/// Inertia of each wheel \[kg m²\].
 pub(crate) const WHEEL: f64 = 0.02;
-/// Half track [m].
+/// Half track \[m\].
 pub(crate) const HALF_TRACK: f64 = 0.17;
 
 /// A robot without friction, drag or back-EMF.
