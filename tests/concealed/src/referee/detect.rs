@@ -91,7 +91,7 @@ fn remainder(columns: Vec<Vec<f64>>, mut x: Vec<f64>) -> f64 {
     dot(&x, &x)
 }
 
-/// Expected ratio for measuring at moments that scatter by `jitter` [s]: the noise's variance grows with the square of the slope.
+/// Expected ratio for measuring at moments that scatter by `jitter` \[s\]: the noise's variance grows with the square of the slope.
 pub fn jitter_ratio(signal: &[f64], dt: f64, sigma: f64, jitter: f64) -> f64 {
     let variance: Vec<f64> = signal.windows(2).map(|w| sigma * sigma + (jitter * (w[1] - w[0]) / dt).powi(2)).collect();
     let mean = variance.iter().sum::<f64>() / variance.len().max(1) as f64;
