@@ -169,7 +169,7 @@ fn a_plain_configuration_survives_a_round_trip() {
 fn the_configurations_of_the_document_are_accepted() {
     let document = include_str!("../../../docs/excitations.md");
     let blocks: Vec<&str> = document.split("```toml\n").skip(1).filter_map(|rest| rest.split("```").next()).collect();
-    assert_eq!(blocks.len(), 2);
+    assert_eq!(blocks.len(), 3);
     for block in blocks {
         let mut table: toml::Table = toml::from_str(block).unwrap();
         let Some(toml::Value::Table(table)) = table.remove("excitation") else { panic!("no [excitation] in {block}") };
