@@ -12,7 +12,7 @@ use crate::fit::Fitted;
 use crate::fit::algebra::Directions;
 use crate::fit::search::Fit;
 use crate::fit::setting::Runner;
-use crate::holdout::{Explanation, Ground, Proof, Transfer, shifted, transfer};
+use crate::holdout::{Explanation, Ground, Proof, Transfer, loss, shifted, transfer};
 use crate::question::{DiagnosisError, Question};
 use crate::residuals::{Residuals, Series};
 use crate::screen::Response;
@@ -163,7 +163,8 @@ impl Proven {
         let noise = &selected.whitening.noise.deviation;
         // What was reached is possible.
         let ceiling = (0..noise.len()).map(|c| ground.ceiling(c, noise[c]).max(after.fit[c])).collect();
-        made.transfer = transfer(&before.error, &after.error, noise);
+        let left = [&before, &after].map(|proof| loss(&moved, &proof.simulated, noise));
+        made.transfer = transfer(left[0], left[1], loss(question.training, &trained[1].simulated, noise));
         made.waterfall = waterfall(search, selected, &before, &after, &|state| on(&moved, &scene, state).fit);
         for i in 0..made.gains.len() {
             made.gains[i] = search.without(selected, i).map(|state| {

@@ -98,19 +98,31 @@ pub(crate) enum Transfer {
     Fails,
 }
 
-/// Ratio of an error to the noise, in variance, up to which nothing needs explaining: the fifteen percent in amplitude that the
-/// errors of parameters and of the first sample make.
+/// Ratio of an error to that on the training data, as a square, up to which nothing needs explaining: the fifteen percent in amplitude
+/// that the errors of parameters and of the first sample make.
 const NEAR: f64 = 1.15 * 1.15;
 /// Share of the excess that must go.
 const CLOSED: f64 = 0.5;
+/// Errors beyond this many standard deviations count by their size, not by its square: a few values far out are not motion.
+const HUBER: f64 = 2.0;
 
-/// Weighs errors before and after against the noise, in units of its variance, mean over the outputs.
-pub(crate) fn transfer(before: &[f64], after: &[f64], noise: &[f64]) -> Transfer {
-    let mean = |error: &[f64]| error.iter().zip(noise).map(|(e, n)| e / (n * n)).sum::<f64>() / noise.len().max(1) as f64;
-    let (before, after) = (mean(before), mean(after));
-    let near = after <= NEAR;
-    let closed = after < before && before - after >= CLOSED * (before - 1.0);
-    if closed || (near && after <= before.max(1.0) * 1.02) { Transfer::Holds } else { Transfer::Fails }
+/// Mean loss of a free run's errors over all outputs, in units of the noise.
+pub(crate) fn loss(data: &Dataset, simulated: &Series, noise: &[f64]) -> f64 {
+    let of = |x: f64| if x <= HUBER { x * x } else { HUBER * (2.0 * x - HUBER) };
+    let mut sum = 0.0;
+    for (stretch, run) in data.stretches.iter().zip(simulated) {
+        for ((measured, run), noise) in stretch.outputs.iter().zip(run).zip(noise) {
+            sum += measured.iter().zip(run).map(|(y, s)| of((y - s).abs() / noise)).sum::<f64>();
+        }
+    }
+    sum / (data.samples() * noise.len()).max(1) as f64
+}
+
+/// Weighs losses on held-out data before and after against what the explanation leaves on the training data.
+pub(crate) fn transfer(before: f64, after: f64, training: f64) -> Transfer {
+    let near = after <= NEAR * training;
+    let closed = after < before && before - after >= CLOSED * (before - training);
+    if closed || (near && after <= before.max(training) * 1.02) { Transfer::Holds } else { Transfer::Fails }
 }
 
 /// Held-out data on a clock of their own: the same stretches with their times moved.
@@ -118,4 +130,18 @@ pub(crate) fn shifted(data: &Dataset, by: f64) -> Dataset {
     let mut moved = data.clone();
     moved.stretches.iter_mut().flat_map(|s| &mut s.time).for_each(|t| *t += by);
     moved
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_explanation_transfers_if_it_takes_the_excess_away_or_there_is_none() {
+        assert_eq!(transfer(4.0, 1.1, 1.0), Transfer::Holds, "the excess is gone");
+        assert_eq!(transfer(4.0, 3.5, 1.0), Transfer::Fails, "most of it is still there");
+        assert_eq!(transfer(1.05, 1.04, 1.0), Transfer::Holds, "there was none");
+        assert_eq!(transfer(1.1, 1.6, 1.0), Transfer::Fails, "it has made one");
+        assert_eq!(transfer(4.0, f64::INFINITY, 1.0), Transfer::Fails, "it diverges");
+    }
 }
