@@ -35,8 +35,11 @@ pub struct AxisLag {
     pub inputs: Vec<String>,
     /// Name of the output that answers them; `None` for a lag common to all.
     pub output: Option<String>,
-    /// Delay beyond what the model explains \[s\].
+    /// Delay beyond what the model explains \[s\]; zero where the best one is early, which no delay is.
     pub delay_s: f64,
+    /// How much earlier than its commands the output seems to answer \[s\], where the interval lies below zero: the trace of something
+    /// else, such as a drive that limits how fast its command may change.
+    pub early_s: Option<f64>,
     /// Its standard error under noise of the residual's colour \[s\].
     pub std_s: f64,
     /// Its 95 % interval \[s\].
@@ -204,6 +207,7 @@ impl Found<'_, '_> {
             inputs: (0..data.inputs.len()).filter(|i| !paired || *i == axis).map(|i| data.inputs[i].name.to_string()).collect(),
             output: paired.then(|| data.outputs[axis].name.to_string()),
             delay_s,
+            early_s: None,
             std_s,
             ci95_s,
             late: !at_limit && std_s > 0.0 && ci95_s.0 > 0.0 && delay_s > NEGLIGIBLE * data.period(),
@@ -216,6 +220,10 @@ impl Found<'_, '_> {
             statement: String::new(),
         };
         found.statement = statement(&found, data);
+        if delay_s < 0.0 {
+            found.early_s = (ci95_s.1 < 0.0 && delay_s < -NEGLIGIBLE * data.period()).then_some(-delay_s);
+            found.delay_s = 0.0;
+        }
         found
     }
 
@@ -239,6 +247,9 @@ impl Found<'_, '_> {
     }
 }
 
+/// What an early answer is mostly the trace of: the fitted time constant then stands for a ramp that begins at once.
+const EARLY: &str = ", such as a drive that limits how fast its command may change (a slew limit) or saturates";
+
 fn statement(lag: &AxisLag, data: &Dataset) -> String {
     let (what, commands) = (lag.output.as_deref().unwrap_or("the response"), lag.inputs.join(", "));
     let (low, high) = lag.ci95_s;
@@ -247,8 +258,9 @@ fn statement(lag: &AxisLag, data: &Dataset) -> String {
     }
     if lag.at_limit {
         return format!(
-            "no delay of {commands} explains {what}: the free run would rather have it {} than can be, because the model leaves out something else",
-            if lag.delay_s < 0.0 { "earlier" } else { "later" }
+            "no delay of {commands} explains {what}: the free run would rather have it {} than can be, because the model leaves out something else{}",
+            if lag.delay_s < 0.0 { "earlier" } else { "later" },
+            if lag.delay_s < 0.0 { EARLY } else { "" }
         );
     }
     let interval = format!("95 % interval {low:.3} to {high:.3} s");
@@ -262,7 +274,8 @@ fn statement(lag: &AxisLag, data: &Dataset) -> String {
         format!("{what} answers {commands} without a delay worth counting ({:.3} s, {interval})", lag.delay_s)
     } else if high < 0.0 {
         format!(
-            "{what} seems to answer {commands} {:.3} s early ({interval}): the commands are stamped late, or the model leaves out something else",
+            "no delay is seen between {commands} and {what}: the free run is best with commands {:.3} s early, which no robot does, because the \
+             commands are stamped late, or the model leaves out something else{EARLY}",
             -lag.delay_s
         )
     } else {
@@ -418,5 +431,27 @@ mod tests {
         let lag = found(&driven(|t| [thesis(t)[0], 0.0], 30.0, 20.0, 0.005, 6));
         assert!(lag.axes[1].statement.contains("cannot be seen"), "{}", lag.axes[1].statement);
         assert!(!lag.axes[1].late);
+    }
+
+    #[test]
+    fn a_slew_limit_is_no_delay_before_its_time() {
+        // A square wave of ±0.4 m/s that the drive follows at 0.8 m/s² only.
+        let square = |t: f64| -> f64 { if t % 8.0 < 4.0 { 0.4 } else { -0.4 } };
+        let turning = |t: f64| if t % 5.0 < 2.5 { 0.8 } else { -0.5 };
+        let limited = move |t: f64| {
+            let ramp: f64 = (0.8 * (t % 4.0)).min(0.8) - 0.4;
+            [if t < 4.0 { 0.4 } else { ramp * square(t).signum() }, turning(t)]
+        };
+        let mut data = late(&limited, 60, [0, 0], 0.005, 0.0, 1);
+        data.stretches[0].inputs[0] = data.stretches[0].time.iter().map(|t| square(*t)).collect();
+        let model = TwoAxes::new();
+        let found = estimate(&model, &model.map(), &data).unwrap();
+        for axis in &found.axes {
+            assert!(axis.delay_s >= 0.0, "{axis:?}");
+        }
+        let v = &found.axes[0];
+        if v.early_s.is_some() || (v.at_limit && v.delay_s == 0.0) {
+            assert!(!v.late && v.statement.contains("slew limit"), "{}", v.statement);
+        }
     }
 }

@@ -159,7 +159,7 @@ pub trait RegressorModel: Debug + Send + Sync {
 /// Φ is affine in them.
 ///
 /// # Errors
-/// [`ModelError::Singular`], or [`ModelError::NotSquare`] if equations and outputs differ in number.
+/// [`ModelError::Singular`], [`ModelError::Overflow`], or [`ModelError::NotSquare`] if equations and outputs differ in number.
 pub fn solve_accelerations<M: RegressorModel + ?Sized>(
     model: &M,
     theta: &[f64],
@@ -202,7 +202,12 @@ pub fn solve_accelerations<M: RegressorModel + ?Sized>(
         }
     }
     accelerations.iter_mut().zip(rest.iter()).for_each(|(a, r)| *a = -r);
-    if eliminate(mass, accelerations) { Ok(()) } else { Err(ModelError::Singular { model: model.name().to_owned() }) }
+    let name = || model.name().to_owned();
+    // Rows that are beyond the range of numbers before anything is solved say nothing of what they determine.
+    if mass.iter().chain(accelerations.iter()).any(|x| !x.is_finite()) {
+        return Err(ModelError::Overflow { model: name() });
+    }
+    if eliminate(mass, accelerations) { Ok(()) } else { Err(ModelError::Singular { model: name() }) }
 }
 
 /// Numbers that [`solve_accelerations`] keeps on the stack: enough for four outputs and twenty parameters.
@@ -261,6 +266,14 @@ pub enum ModelError {
         "model `{model}` cannot be simulated with these parameters: its equations leave the accelerations undetermined (a time constant is zero?)"
     )]
     Singular {
+        /// Model name.
+        model: String,
+    },
+    /// The accelerations leave the range of numbers at these parameters.
+    #[error(
+        "model `{model}` cannot be simulated with these parameters: its accelerations are beyond the range of numbers (a time constant is nearly zero, or a parameter far too large?)"
+    )]
+    Overflow {
         /// Model name.
         model: String,
     },

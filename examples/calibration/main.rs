@@ -322,7 +322,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         if matches!(variant.noise, Noise::Autoregressive(_)) {
             solvers.push(("  every sample alike", Box::new(OutputError { velocity, noise: NoiseModel::White, ..OutputError::default() })));
         }
-        solvers.push(("recursive", Box::new(Recursive::default())));
+        solvers.push(("recursive", Box::new(Recursive { velocity, ..Recursive::default() })));
         solvers.push(("  regression alone", Box::new(Recursive { refine: false, ..Recursive::default() })));
         solvers.push(("iv", Box::new(InstrumentalVariables { velocity, ..InstrumentalVariables::default() })));
         solvers.push(("ols", Box::new(Ols::default())));

@@ -80,8 +80,10 @@ impl RegressorModel for PdModel {
         accelerations[1] = (inputs[1] - theta[4] * v * omega - theta[5] * omega) / theta[1];
         if accelerations[0].is_finite() && accelerations[1].is_finite() {
             Ok(())
-        } else {
+        } else if theta[0] == 0.0 || theta[1] == 0.0 {
             Err(ModelError::Singular { model: self.name.to_owned() })
+        } else {
+            Err(ModelError::Overflow { model: self.name.to_owned() })
         }
     }
 }
@@ -155,6 +157,10 @@ mod tests {
         assert_eq!(model.accelerations(&theta, &[1.0, 0.0], &[0.0, 0.0], &mut a), Err(expected.clone()));
         assert_eq!(model.accelerations(&theta, &[0.0, 0.0], &[0.0, 0.0], &mut a), Err(expected.clone()));
         assert_eq!(solve_accelerations(&model, &theta, &[1.0, 0.0], &[0.0, 0.0], &mut a), Err(expected));
+        let (beyond, expected) = ([1e-320, 0.2, 0.0, 1.0, 0.0, 1.0], ModelError::Overflow { model: "vw-pd".into() });
+        assert_eq!(model.accelerations(&beyond, &[1.0, 0.0], &[0.0, 0.0], &mut a), Err(expected.clone()));
+        let simulated = wheelwright_core::simulation::Simulator::new(&model, &beyond).map(|_| ());
+        assert_eq!(simulated, Err(expected), "no statement on what the equations determine");
     }
 
     #[test]

@@ -120,7 +120,13 @@ impl RegressorModel for WheelVoltage {
                 _ => f64::NAN,
             };
         }
-        if accelerations.iter().all(|a| a.is_finite()) { Ok(()) } else { Err(ModelError::Singular { model: self.name().to_owned() }) }
+        let model = || self.name().to_owned();
+        match accelerations.iter().all(|a| a.is_finite()) {
+            true => Ok(()),
+            // kA is the second parameter of a side.
+            false if (0..2).any(|i| theta[i * self.side + 1] == 0.0) => Err(ModelError::Singular { model: model() }),
+            false => Err(ModelError::Overflow { model: model() }),
+        }
     }
 }
 

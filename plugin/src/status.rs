@@ -97,7 +97,7 @@ impl From<ModelError> for Failure {
     fn from(error: ModelError) -> Self {
         match error {
             ModelError::Config { key, reason } => Self::new(abi::CONFIG, format!("`{key}`: {reason}")),
-            ModelError::Singular { .. } => Self::new(abi::SINGULAR, error.to_string()),
+            ModelError::Singular { .. } | ModelError::Overflow { .. } => Self::new(abi::SINGULAR, error.to_string()),
             ModelError::Plugin { reason, .. } => Self::new(abi::DRIVER, reason),
             other => Self::new(abi::DRIVER, other.to_string()),
         }

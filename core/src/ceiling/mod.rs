@@ -27,6 +27,9 @@ use selection::{Chosen, Penalty, choose};
 const FEWEST: usize = 100;
 /// More training samples than this only cost time: the noise level is then known to a hundredth.
 const MOST: usize = 6000;
+/// Percent of fit between the model and its ceiling from which on the flexible model is tried with its own simulation as reference too.
+const WORTH_A_SECOND: f64 = 1.0;
+
 /// Ceiling of one output. All fits are free runs on the held-out data, in percent.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct OutputCeiling {
@@ -40,6 +43,8 @@ pub struct OutputCeiling {
     pub innovations: Option<f64>,
     /// What the flexible model itself reaches.
     pub flexible: Option<f64>,
+    /// What the identified model reaches, where the flexible model reaches less: then the ceiling rests on the identified model.
+    pub flexible_below: Option<f64>,
     /// What a short NARX model reaches; `None` also if its free run diverges.
     pub narx: Option<f64>,
     /// Standard deviation of what no command explains, in the output's unit.
@@ -50,8 +55,8 @@ pub struct OutputCeiling {
     pub statement: String,
 }
 
-/// Estimates the ceiling of each output. The base model lends its simulation as a reference; where it diverges the flexible model
-/// does without. With nothing held out the fits are on the training data.
+/// Estimates the ceiling of each output. The base model lends its simulation as a reference; where it diverges, or is worse on the
+/// training data, the flexible model's own takes its place. With nothing held out the fits are on the training data.
 ///
 /// # Errors
 /// [`SolveError::TooFewSamples`] below 100 training samples.
@@ -65,16 +70,31 @@ pub fn estimate(model: &dyn RegressorModel, theta: &[f64], train: &Dataset, held
     let held_out = if held_out.stretches.is_empty() { train } else { held_out };
     let library = Library::new(&fitted);
     let base = simulate(model, theta, &fitted).zip(simulate(model, theta, held_out));
-    let parts = match &base {
-        Some((first, second)) => [Part::new(&library, &fitted, Some(first)), Part::new(&library, held_out, Some(second))],
-        None => with_own_reference(&library, &fitted, held_out),
-    };
     let narx = narx::yardstick(&fitted, held_out);
-    let of = |i: usize| {
-        let base = base.as_ref().and_then(|(_, held)| fit_percent(&pairs(held_out, held, i)));
-        ceiling(&parts, i, narx[i], base)
+    let own = |i: usize| base.as_ref().and_then(|(_, held)| fit_percent(&pairs(held_out, held, i)));
+    let under = |parts: [Part<'_>; 2]| -> Vec<Judged> { (0..train.outputs.len()).map(|i| ceiling(&parts, i, narx[i], own(i))).collect() };
+    let Some((first, second)) = &base else {
+        return Ok(under(with_own_reference(&library, &fitted, held_out)).into_iter().map(|j| j.ceiling).collect());
     };
-    Ok((0..train.outputs.len()).map(of).collect())
+    let mut found = under([Part::new(&library, &fitted, Some(first)), Part::new(&library, held_out, Some(second))]);
+    // A base model that is far from the robot is a poor reference; one that leaves nothing to gain needs no second opinion.
+    let gains = |(i, judged): (usize, &Judged)| judged.ceiling.fit.zip(own(i)).is_some_and(|(fit, own)| fit > own + WORTH_A_SECOND);
+    if found.iter().enumerate().any(gains) || found.iter().any(|j| j.ceiling.flexible_below.is_some()) {
+        let others = under(with_own_reference(&library, &fitted, held_out));
+        for (judged, other) in found.iter_mut().zip(others) {
+            if other.expected_error < judged.expected_error {
+                *judged = other;
+            }
+        }
+    }
+    Ok(found.into_iter().map(|j| j.ceiling).collect())
+}
+
+/// A ceiling with the squared error that its flexible model is expected to have on new data, from the training data alone.
+#[derive(Debug)]
+struct Judged {
+    ceiling: OutputCeiling,
+    expected_error: f64,
 }
 
 /// A data set with the columns of its flexible model.
@@ -180,7 +200,7 @@ fn colour(residuals: &[Vec<f64>]) -> Autoregression {
     Autoregression::fit(&residuals.iter().map(Vec::as_slice).collect::<Vec<_>>())
 }
 
-fn ceiling(parts: &[Part<'_>; 2], output: usize, narx: Option<f64>, base: Option<f64>) -> OutputCeiling {
+fn ceiling(parts: &[Part<'_>; 2], output: usize, narx: Option<f64>, base: Option<f64>) -> Judged {
     let [train, held_out] = parts;
     let fit = Fit::of(train, output);
     let samples = [train.samples(), held_out.samples()];
@@ -213,13 +233,14 @@ fn ceiling(parts: &[Part<'_>; 2], output: usize, narx: Option<f64>, base: Option
         range: highest.map(|h| (reached, h)),
         innovations: percent(fit.ar.innovation).map(|c| c.max(reached)),
         flexible,
+        flexible_below: flexible.zip(base).and_then(|(f, b)| (f < b - 0.05).then_some(b)),
         narx,
         noise: variance.sqrt(),
         terms: fit.chosen.columns.len(),
         statement: String::new(),
     };
     found.statement = statement(&found);
-    found
+    Judged { ceiling: found, expected_error: fitted + 2.0 * taken }
 }
 
 /// What the flexible model left, from which the noise level follows. Squared errors are summed over samples.
@@ -260,8 +281,11 @@ fn statement(found: &OutputCeiling) -> String {
     let yardstick = found
         .narx
         .map_or_else(|| "the free run of a short NARX model diverges".to_owned(), |n| format!("a short NARX model reaches {n:.1} %"));
+    let below = found.flexible.zip(found.flexible_below).map_or_else(String::new, |(flexible, own)| {
+        format!("; the flexible model behind this reaches {flexible:.1} % itself, less than the identified model's {own:.1} %, so that the bound may be too low")
+    });
     format!(
-        "{}: no model of these commands is expected to exceed {fit:.1} % on the held-out data (seen {low:.1} %, at most {high:.1} %); {yardstick}",
+        "{}: no model of these commands is expected to exceed {fit:.1} % on the held-out data (seen {low:.1} %, at most {high:.1} %); {yardstick}{below}",
         found.output
     )
 }

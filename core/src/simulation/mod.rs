@@ -15,6 +15,10 @@ pub(crate) use weights::Weights;
 
 /// Error of the simulation relative to the largest output, which the choice of the step aims at.
 const TOLERANCE: f64 = 1e-9;
+/// Step lengths that differ by less than this share are one: stamps differ in their last bits, and the error is far below the above.
+const SAME_STEP: f64 = 1e-10;
+/// Step lengths whose weights are kept.
+const KEPT: usize = 4;
 /// Sub-steps between two samples never exceed this, however stiff the parameters an optimizer tries.
 const MAX_SUBSTEPS: usize = 256;
 
@@ -39,7 +43,10 @@ pub struct Simulator<'a> {
     max_step: f64,
     linear: Vec<f64>,
     diagonal: bool,
-    weights: Weights,
+    /// Weights of the last few step lengths, and which is in use: a shifted hold takes the same few in turn.
+    weights: [Weights; KEPT],
+    used: usize,
+    oldest: usize,
     stages: Stages,
     input: Vec<f64>,
 }
@@ -92,7 +99,9 @@ impl<'a> Simulator<'a> {
             max_step: f64::INFINITY,
             linear: vec![0.0; n * n],
             diagonal: true,
-            weights: Weights::new(n),
+            weights: std::array::from_fn(|_| Weights::new(n)),
+            used: 0,
+            oldest: 0,
             stages,
             input: vec![0.0; model.inputs().len()],
         }
@@ -102,8 +111,10 @@ impl<'a> Simulator<'a> {
     #[must_use]
     pub fn with_readout(mut self, readout: Readout) -> Self {
         self.readout = readout;
-        self.weights.integrates = readout == Readout::IntervalMean;
-        self.weights.step = f64::NAN;
+        for weights in &mut self.weights {
+            weights.integrates = readout == Readout::IntervalMean;
+            weights.step = f64::NAN;
+        }
         self
     }
 
@@ -131,7 +142,7 @@ impl<'a> Simulator<'a> {
     /// As [`new`](Self::new).
     pub fn set_theta(&mut self, theta: &[f64]) -> Result<(), ModelError> {
         self.theta.copy_from_slice(theta);
-        self.weights.step = f64::NAN;
+        self.weights.iter_mut().for_each(|w| w.step = f64::NAN);
         self.linearise()
     }
 
@@ -179,6 +190,14 @@ impl<'a> Simulator<'a> {
         &self.stages.state
     }
 
+    /// What is recorded of an output after [`hold`](Self::hold) advanced the run by `interval` \[s\].
+    pub fn recorded(&self, interval: f64, output: usize) -> f64 {
+        match self.readout {
+            Readout::Instantaneous => self.stages.state[output],
+            Readout::IntervalMean => self.stages.travelled[output] / interval,
+        }
+    }
+
     /// Advances the run by `interval` \[s\] under held inputs, in one step unless the step is bounded; allocates nothing for up
     /// to four outputs.
     ///
@@ -209,15 +228,13 @@ impl<'a> Simulator<'a> {
             let interval = stretch.time[k] - stretch.time[k - 1];
             let advanced = self.advance(interval);
             // The equations were solved at rest: where they no longer can be, the state has left the range of numbers.
-            if matches!(advanced, Err(ModelError::Singular { .. })) || self.stages.state.iter().any(|x| !x.is_finite()) {
+            let lost = matches!(advanced, Err(ModelError::Singular { .. } | ModelError::Overflow { .. }));
+            if lost || self.stages.state.iter().any(|x| !x.is_finite()) {
                 return Err(ModelError::Diverged { model: self.model.name().to_owned(), time: stretch.time[k] });
             }
             advanced?;
             for (i, out) in simulated.iter_mut().enumerate() {
-                out.push(match self.readout {
-                    Readout::Instantaneous => self.stages.state[i],
-                    Readout::IntervalMean => self.stages.travelled[i] / interval,
-                });
+                out.push(self.recorded(interval, i));
             }
         }
         Ok(())
@@ -225,11 +242,16 @@ impl<'a> Simulator<'a> {
 
     /// Advances the state by `interval` with the held input.
     fn advance(&mut self, interval: f64) -> Result<(), ModelError> {
-        // Stamps that differ in their last bits are one step length: the weights differ by less than rounding.
         let substeps = ((interval / self.max_step - 1e-9).ceil() as usize).clamp(1, MAX_SUBSTEPS);
         let step = interval / substeps as f64;
-        if (step - self.weights.step).abs() > 1e-12 * step || self.weights.step.is_nan() {
-            self.weights.set(step, &self.linear, self.stages.state.len(), self.diagonal);
+        let fits = |w: &Weights| (step - w.step).abs() <= SAME_STEP * step;
+        if !fits(&self.weights[self.used]) {
+            self.used = self.weights.iter().position(fits).unwrap_or_else(|| {
+                let replaced = self.oldest;
+                self.weights[replaced].set(step, &self.linear, self.stages.state.len(), self.diagonal);
+                self.oldest = (replaced + 1) % KEPT;
+                replaced
+            });
         }
         self.stages.travelled.fill(0.0);
         for _ in 0..substeps {
@@ -240,7 +262,8 @@ impl<'a> Simulator<'a> {
 
     /// One step of ETD4RK; `row(weight, i, x)` is row i of a weight times a vector.
     fn step(&mut self, row: impl Fn(&[f64], usize, &[f64]) -> f64) -> Result<(), ModelError> {
-        let Self { model, theta, linear, diagonal, weights: w, stages: s, input, .. } = self;
+        let Self { model, theta, linear, diagonal, weights, used, stages: s, input, .. } = self;
+        let w = &weights[*used];
         let n = s.state.len();
         // N(x, u) = acceleration − L x.
         let forcing = |x: &[f64], out: &mut [f64]| -> Result<(), ModelError> {
@@ -355,7 +378,7 @@ impl Windows {
 /// equations up to second degree; any other value would cost accuracy, never consistency. True if L is diagonal.
 ///
 /// # Errors
-/// [`ModelError`] if the equations do not determine the accelerations.
+/// [`ModelError`] if the equations do not determine the accelerations, or they leave the range of numbers.
 pub fn linear_part(model: &dyn RegressorModel, theta: &[f64], linear: &mut [f64]) -> Result<bool, ModelError> {
     let n = model.outputs().len();
     let needed = model.inputs().len() + 3 * n;
@@ -379,7 +402,7 @@ pub fn linear_part(model: &dyn RegressorModel, theta: &[f64], linear: &mut [f64]
         (0..n).for_each(|i| linear[i * n + j] = 0.5 * (up[i] - down[i]));
     }
     if linear.iter().any(|l| !l.is_finite()) {
-        return Err(ModelError::Singular { model: model.name().to_owned() });
+        return Err(ModelError::Overflow { model: model.name().to_owned() });
     }
     Ok((0..n * n).all(|k| k / n == k % n || linear[k] == 0.0))
 }

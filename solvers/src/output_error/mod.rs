@@ -45,6 +45,16 @@ pub enum Velocity {
     Difference,
 }
 
+impl Velocity {
+    /// What a simulation reads out to be compared with such a recording.
+    pub(crate) fn readout(self) -> Readout {
+        match self {
+            Self::Instantaneous => Readout::Instantaneous,
+            Self::Difference => Readout::IntervalMean,
+        }
+    }
+}
+
 /// What the error of the fit is taken for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
@@ -310,10 +320,7 @@ impl<'a> Fit<'a> {
     }
 
     fn readout(&self) -> Readout {
-        match self.settings.velocity {
-            Velocity::Instantaneous => Readout::Instantaneous,
-            Velocity::Difference => Readout::IntervalMean,
-        }
+        self.settings.velocity.readout()
     }
 
     /// The free values that make θ, if they exist and keep the limits.

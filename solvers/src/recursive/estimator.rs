@@ -72,7 +72,7 @@ impl<'a> Estimator<'a> {
             scratch: vec![0.0; 2 * free],
             known: false,
             innovation: vec![0.0; equations],
-            free_run: refine.then(|| FreeRun::new(model, map, settings.memory_s)),
+            free_run: refine.then(|| FreeRun::new(model, map, settings)),
         }
     }
 

@@ -13,6 +13,7 @@
 use wheelwright_core::model::{ParameterMap, RegressorModel};
 use wheelwright_core::simulation::Simulator;
 
+use super::Recursive;
 use super::colour::{Colour, ORDER};
 use super::givens::Givens;
 
@@ -72,12 +73,12 @@ pub(super) struct FreeRun<'a> {
 }
 
 impl<'a> FreeRun<'a> {
-    pub(super) fn new(model: &'a dyn RegressorModel, map: &ParameterMap, memory_s: Option<f64>) -> Self {
+    pub(super) fn new(model: &'a dyn RegressorModel, map: &ParameterMap, settings: &Recursive) -> Self {
         let (outputs, free) = (model.outputs().len(), map.free.len());
         Self {
             map: map.clone(),
-            memory_s,
-            runs: (0..free + 2).map(|_| Simulator::unset(model)).collect(),
+            memory_s: settings.memory_s,
+            runs: (0..free + 2).map(|_| Simulator::unset(model).with_readout(settings.velocity.readout())).collect(),
             point: vec![0.0; free],
             offsets: vec![0.0; free],
             running: false,
@@ -146,7 +147,7 @@ impl<'a> FreeRun<'a> {
             self.settled = self.forgotten();
             return;
         }
-        self.take_in(outputs);
+        self.take_in(interval, outputs);
         if self.weight >= self.look_at {
             self.look(interval);
         }
@@ -211,8 +212,8 @@ impl<'a> FreeRun<'a> {
         self.ready = false;
         self.refusal = Some("the free run with the regression's parameters does not follow the robot");
         self.failures += 1;
-        // Each attempt waits longer: a model that cannot follow this robot is not simulated for ever.
-        self.pause = (FIRST_LOOK * self.point.len().max(1)) << self.failures.min(10);
+        // Attempts come further apart: the regression needs more samples, or the model cannot follow this robot at all.
+        self.pause = (FIRST_LOOK * self.point.len().max(1)) << self.failures.min(3);
     }
 
     fn bounded(&self) -> bool {
@@ -227,17 +228,17 @@ impl<'a> FreeRun<'a> {
     }
 
     /// Takes in a row an output, as soon as the whitening filter has its past.
-    fn take_in(&mut self, outputs: &[f64]) {
+    fn take_in(&mut self, interval: f64, outputs: &[f64]) {
         let free = self.point.len();
         let per_sample = outputs.len() * (free + 1);
         let at = self.next * per_sample;
         for (i, (y, colour)) in outputs.iter().zip(&mut self.colours).enumerate() {
             let row = &mut self.history[at + i * (free + 1)..at + (i + 1) * (free + 1)];
-            let centre = self.runs[0].state()[i];
+            let centre = self.runs[0].recorded(interval, i);
             row[free] = y - centre;
             colour.see(row[free]);
             for j in 0..free {
-                row[j] = (self.runs[1 + j].state()[i] - centre) / self.offsets[j];
+                row[j] = (self.runs[1 + j].recorded(interval, i) - centre) / self.offsets[j];
                 row[free] += row[j] * self.point[j];
             }
         }

@@ -16,7 +16,7 @@ use statrs::distribution::{ContinuousCDF, StudentsT};
 use wheelwright_core::model::{ParameterMap, RegressorModel};
 use wheelwright_core::solver::{Problem, Solution, SolveError, Solver, Status};
 
-use crate::output_error::not_identifiable;
+use crate::output_error::{Velocity, not_identifiable};
 pub use estimator::{Estimator, Stage};
 
 /// Rows of the regression, as a multiple of the free parameters, before the free run starts.
@@ -33,11 +33,13 @@ pub struct Recursive {
     /// Follow the regression with a free run, which takes out its bias and gives intervals. Default true; false leaves the
     /// regression alone, which equals the batch solution of the same rows.
     pub refine: bool,
+    /// What the recorded velocities are, for the free run: `instantaneous` (default) or `difference`.
+    pub velocity: Velocity,
 }
 
 impl Default for Recursive {
     fn default() -> Self {
-        Self { window: 10, memory_s: None, refine: true }
+        Self { window: 10, memory_s: None, refine: true, velocity: Velocity::default() }
     }
 }
 
