@@ -13,7 +13,7 @@
 use super::{Effect, EffectParameter, Instant, Motion, Place, Scene, Stage, Track};
 use crate::dataset::Stretch;
 use crate::model::{ModelError, RegressorModel};
-use crate::simulation::{Readout, Weights, linear_part};
+use crate::simulation::{Readout, Weights, linear_part, square_row};
 
 /// Difference between a step and two halves, relative to the outputs' root mean square, that the pilot aims at.
 const TOLERANCE: f64 = 2e-5;
@@ -517,7 +517,7 @@ fn apply(matrix: &[f64], diagonal: bool, x: &[f64], out: &mut [f64], add: bool) 
         return;
     }
     for (i, out) in out.iter_mut().enumerate() {
-        let value: f64 = matrix[i * n..(i + 1) * n].iter().zip(x).map(|(a, b)| a * b).sum();
+        let value: f64 = square_row(matrix, i, x);
         *out = if add { *out + value } else { value };
     }
 }
@@ -527,14 +527,13 @@ fn apply(matrix: &[f64], diagonal: bool, x: &[f64], out: &mut [f64], add: bool) 
 fn linear_off(linear: &[f64], diagonal: bool, x: &[f64], out: &mut [f64]) {
     let n = x.len();
     for (i, out) in out.iter_mut().enumerate() {
-        *out -= if diagonal { linear[i * n + i] * x[i] } else { linear[i * n..(i + 1) * n].iter().zip(x).map(|(a, b)| a * b).sum() };
+        *out -= if diagonal { linear[i * n + i] * x[i] } else { square_row(linear, i, x) };
     }
 }
 
 /// out = M x for a row-major matrix.
 fn multiply(matrix: &[f64], x: &[f64], out: &mut [f64]) {
-    let n = x.len();
-    out.iter_mut().enumerate().for_each(|(i, out)| *out = matrix[i * n..(i + 1) * n].iter().zip(x).map(|(a, b)| a * b).sum());
+    out.iter_mut().enumerate().for_each(|(i, out)| *out = square_row(matrix, i, x));
 }
 
 impl Trace {

@@ -411,7 +411,8 @@ fn diagonal_row(weight: &[f64], i: usize, x: &[f64]) -> f64 {
     weight[i] * x[i]
 }
 
-fn square_row(weight: &[f64], i: usize, x: &[f64]) -> f64 {
+/// Row i of a row-major square matrix times a vector.
+pub(crate) fn square_row(weight: &[f64], i: usize, x: &[f64]) -> f64 {
     let n = x.len();
     weight[i * n..(i + 1) * n].iter().zip(x).map(|(a, b)| a * b).sum()
 }
