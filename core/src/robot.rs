@@ -19,6 +19,12 @@ pub trait Robot: Send {
     /// Control period \[s\].
     fn period(&self) -> f64;
 
+    /// True if a control period takes its time by the world's clock, so that a late command is late. A simulated robot that runs as
+    /// fast as it can says false.
+    fn real_time(&self) -> bool {
+        true
+    }
+
     /// Reads the channels without commanding, as at the first row of a recording.
     ///
     /// # Errors
