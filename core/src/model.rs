@@ -167,10 +167,48 @@ pub fn solve_accelerations<M: RegressorModel + ?Sized>(
     outputs: &[f64],
     accelerations: &mut [f64],
 ) -> Result<(), ModelError> {
-    let n = model.outputs().len();
-    if model.equations() != n {
-        return Err(ModelError::NotSquare { model: model.name().to_owned(), equations: model.equations(), outputs: n });
+    let (equations, n) = (model.equations(), model.outputs().len());
+    let name = || model.name().to_owned();
+    if equations != n {
+        return Err(ModelError::NotSquare { model: name(), equations, outputs: n });
     }
+    let rows = |trial: &[f64], phi: &mut [f64], y: &mut [f64]| model.regressor(Sample { inputs, outputs, accelerations: trial }, phi, y);
+    solve_affine(theta, accelerations, rows).map_err(|unsolved| match unsolved {
+        Unsolved::Overflow => ModelError::Overflow { model: name() },
+        Unsolved::Singular => ModelError::Singular { model: name() },
+    })
+}
+
+/// Solves Φ θ = y for the inputs that produce the wanted `accelerations`, which is inverse dynamics. Exact where the
+/// equations are affine in the inputs, as those of velocity references and voltages are.
+///
+/// # Errors
+/// [`ModelError::NotInvertible`] where the equations do not determine the inputs, or are beyond the range of numbers.
+pub fn solve_inputs<M: RegressorModel + ?Sized>(
+    model: &M,
+    theta: &[f64],
+    outputs: &[f64],
+    accelerations: &[f64],
+    inputs: &mut [f64],
+) -> Result<(), ModelError> {
+    let not_invertible =
+        || ModelError::NotInvertible { model: model.name().to_owned(), equations: model.equations(), inputs: model.inputs().len() };
+    if model.equations() != inputs.len() || model.inputs().len() != inputs.len() {
+        return Err(not_invertible());
+    }
+    let rows = |trial: &[f64], phi: &mut [f64], y: &mut [f64]| model.regressor(Sample { inputs: trial, outputs, accelerations }, phi, y);
+    solve_affine(theta, inputs, rows).map_err(|_| not_invertible())
+}
+
+/// Why equations were not solved.
+enum Unsolved {
+    Overflow,
+    Singular,
+}
+
+/// Solves Φ θ = y for unknowns in which `rows` writes affine equations, by evaluating them at zero and at each unit.
+fn solve_affine(theta: &[f64], unknowns: &mut [f64], rows: impl Fn(&[f64], &mut [f64], &mut [f64])) -> Result<(), Unsolved> {
+    let n = unknowns.len();
     // A simulation calls this four times a step: models of ordinary size are solved on the stack.
     let needed = n * (theta.len() + n + 4);
     let (mut stack, mut heap) = ([0.0; STACK], Vec::new());
@@ -187,7 +225,7 @@ pub fn solve_accelerations<M: RegressorModel + ?Sized>(
     let (trial, buffer) = buffer.split_at_mut(n);
     let (rest, shifted) = buffer.split_at_mut(n);
     let mut residual = |trial: &[f64], out: &mut [f64]| {
-        model.regressor(Sample { inputs, outputs, accelerations: trial }, phi, y);
+        rows(trial, phi, y);
         for (i, (row, out)) in phi.chunks_exact(theta.len()).zip(out).enumerate() {
             *out = row.iter().zip(theta).map(|(a, b)| a * b).sum::<f64>() - y[i];
         }
@@ -201,16 +239,15 @@ pub fn solve_accelerations<M: RegressorModel + ?Sized>(
             mass[i * n + j] = shifted[i] - rest[i];
         }
     }
-    accelerations.iter_mut().zip(rest.iter()).for_each(|(a, r)| *a = -r);
-    let name = || model.name().to_owned();
+    unknowns.iter_mut().zip(rest.iter()).for_each(|(a, r)| *a = -r);
     // Rows that are beyond the range of numbers before anything is solved say nothing of what they determine.
-    if mass.iter().chain(accelerations.iter()).any(|x| !x.is_finite()) {
-        return Err(ModelError::Overflow { model: name() });
+    if mass.iter().chain(unknowns.iter()).any(|x| !x.is_finite()) {
+        return Err(Unsolved::Overflow);
     }
-    if eliminate(mass, accelerations) { Ok(()) } else { Err(ModelError::Singular { model: name() }) }
+    if eliminate(mass, unknowns) { Ok(()) } else { Err(Unsolved::Singular) }
 }
 
-/// Numbers that [`solve_accelerations`] keeps on the stack: enough for four outputs and twenty parameters.
+/// Numbers that [`solve_affine`] keeps on the stack: enough for four outputs and twenty parameters.
 const STACK: usize = 128;
 
 /// Solves a square system in place by elimination with row pivoting; false if it is singular.
@@ -286,6 +323,16 @@ pub enum ModelError {
         equations: usize,
         /// Number of outputs.
         outputs: usize,
+    },
+    /// Equations and inputs differ in number, or the equations leave the inputs undetermined.
+    #[error("model `{model}` gives no input for a wanted motion: {equations} equation(s) for {inputs} input(s), or a parameter of zero")]
+    NotInvertible {
+        /// Model name.
+        model: String,
+        /// Number of equations.
+        equations: usize,
+        /// Number of inputs.
+        inputs: usize,
     },
     /// The simulation left the range of numbers.
     #[error("model `{model}` diverged at t = {time} s with these parameters")]

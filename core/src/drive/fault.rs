@@ -143,6 +143,16 @@ pub enum DriveFault {
     /// A row could not be kept.
     #[error("the recording cannot be written: {0}")]
     Sink(#[from] SinkError),
+    /// The robot is too far from where it should be.
+    #[error("at t = {t:.3} s the robot is {distance:.3} m from where it should be; the limit is {limit} m")]
+    OffCourse {
+        /// Distance \[m\].
+        distance: f64,
+        /// Limit \[m\].
+        limit: f64,
+        /// Time since the start \[s\].
+        t: f64,
+    },
     /// The stop flag was raised.
     #[error("stopped by request after {t:.3} s")]
     Interrupted {
