@@ -20,7 +20,8 @@ const NEUTRAL: f64 = 1e-9;
 
 /// Checks an effect wherever it applies: that it names itself and its parameters, that bounds, scales and neutral values agree,
 /// that its starts fit its parameters, that it says its magnitude in words, that neutral values change nothing and its first start
-/// something, that it stays finite within its bounds, gives the same twice, and is written and read again as plain data.
+/// something, that it holds a command where it says so, stays finite within its bounds, gives the same twice, and is written and read
+/// again as plain data.
 ///
 /// # Errors
 /// Every promise that was not kept.
@@ -221,6 +222,7 @@ impl Trial<'_> {
         self.words(&parameters);
         self.neutral(&parameters);
         self.trace();
+        self.holds();
         self.bounds(&parameters);
     }
 
@@ -356,6 +358,37 @@ impl Trial<'_> {
                         self.breaks(format!("{hook} gives a value that is not finite at {values:?}"));
                     }
                 }
+            }
+        }
+    }
+
+    /// What holds is the same throughout an interval in which it does not switch, whatever the outputs do.
+    fn holds(&mut self) {
+        if !self.effect.holds() {
+            return;
+        }
+        let (scene, stretch, p) = (&self.bench.scene, &self.bench.data.stretches[1], self.values());
+        let mut state = vec![0.0; self.effect.states(scene)];
+        for k in 0..ROWS - 1 {
+            let (start, interval) = (stretch.time[k], stretch.time[k + 1] - stretch.time[k]);
+            let at = |share: f64| Instant {
+                time: start + share * interval,
+                span: 0.0,
+                row: k,
+                stretch,
+                track: &scene.tracks[1],
+                scene,
+                readout: Readout::default(),
+            };
+            let sent: Vec<f64> = stretch.inputs.iter().map(|c| c[k]).collect();
+            let mut command = |share: f64, outputs: f64| {
+                let (mut u, outputs) = (sent.clone(), vec![outputs; stretch.outputs.len()]);
+                self.effect.command(&p, &at(share), &outputs, &mut state, &mut u);
+                u
+            };
+            let (early, late) = (command(0.1, 0.3), command(0.9, -0.7));
+            if early != late && self.effect.next_switch(&p, &at(0.1), &state) > at(0.9).time {
+                return self.breaks(format!("it says that it holds, and its command changes within the interval from t = {start} s"));
             }
         }
     }

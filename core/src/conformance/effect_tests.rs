@@ -58,7 +58,13 @@ impl Effect for Weak {
     fn excitation(&self) -> &'static str {
         "any"
     }
-    fn command(&self, p: &[f64], _at: &Instant<'_>, _outputs: &[f64], _state: &mut [f64], u: &mut [f64]) {
+    fn holds(&self) -> bool {
+        !self.is("aging")
+    }
+    fn command(&self, p: &[f64], at: &Instant<'_>, _outputs: &[f64], _state: &mut [f64], u: &mut [f64]) {
+        if self.is("aging") || self.is("restless") {
+            u.iter_mut().for_each(|u| *u -= p[0] * at.time * *u);
+        }
         let lost = if self.is("neutral") { p[0] + 1e-6 } else { p[0] };
         let lost = if self.is("infinite") { 1.0 - 1.0 / (1.0 - lost) } else { lost };
         u.iter_mut().for_each(|u| *u *= 1.0 - lost);
@@ -68,6 +74,7 @@ impl Effect for Weak {
 #[test]
 fn an_effect_that_keeps_its_promises_passes() {
     assert_eq!(check_effect(&Weak::default()), Ok(()));
+    assert_eq!(check_effect(&Weak { broken: "aging".to_owned(), ..Weak::default() }), Ok(()));
     assert_eq!(check_effect(&Weak { broken: "endless".to_owned(), ..Weak::default() }), Ok(()));
 }
 
@@ -77,6 +84,7 @@ fn each_broken_promise_is_found() {
         ("name", "it is written as `weak-command-of-a-test` and calls itself `another`"),
         ("about", "what it is is empty"),
         ("nowhere", "it applies nowhere"),
+        ("restless", "it says that it holds, and its command changes within the interval"),
         ("bounds", "the bounds of `share` are 1 and 0"),
         ("scale", "the scale of `share` is 0"),
         ("never neutral", "it cannot be turned off"),

@@ -225,6 +225,13 @@ pub trait Effect: Debug + Send + Sync {
     /// the arriving command at `at.time`, `outputs` the outputs then. A span of zero follows each switch of the command.
     fn command(&self, _p: &[f64], _at: &Instant<'_>, _outputs: &[f64], _state: &mut [f64], _u: &mut [f64]) {}
 
+    /// Command effects: whether the command that goes on stays as it is while the arriving one does, unless the effect
+    /// [switches](Self::next_switch): then it is asked once where either happens and not at every step between. Not so where it
+    /// depends on the time, the outputs or a state.
+    fn holds(&self) -> bool {
+        false
+    }
+
     /// Loads: adds the input that is used up at this instant to `load`, in the model's input channels.
     fn load(&self, _p: &[f64], _at: &Instant<'_>, _outputs: &[f64], _state: &[f64], _load: &mut [f64]) {}
 

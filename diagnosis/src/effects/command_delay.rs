@@ -83,6 +83,10 @@ impl Effect for CommandDelay {
         p.iter().map(next).fold(f64::INFINITY, f64::min)
     }
 
+    fn holds(&self) -> bool {
+        true
+    }
+
     fn command(&self, p: &[f64], at: &Instant<'_>, _outputs: &[f64], _state: &mut [f64], u: &mut [f64]) {
         // The end of a step belongs to the command before the switch.
         let row = |delay: f64| at.row_at(at.time - 1e-6 * at.span - delay);

@@ -89,6 +89,10 @@ impl Effect for CommandOffset {
         ]
     }
 
+    fn holds(&self) -> bool {
+        true
+    }
+
     fn command(&self, p: &[f64], _at: &Instant<'_>, _outputs: &[f64], _state: &mut [f64], u: &mut [f64]) {
         u.iter_mut().zip(p).for_each(|(u, b)| *u += b);
     }

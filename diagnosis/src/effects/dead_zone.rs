@@ -99,6 +99,10 @@ impl Effect for DeadZone {
         ]
     }
 
+    fn holds(&self) -> bool {
+        true
+    }
+
     fn command(&self, p: &[f64], at: &Instant<'_>, _outputs: &[f64], _state: &mut [f64], u: &mut [f64]) {
         let typical = at.scene.scales.command;
         self.parts(at.scene).change(u, |_, i, command| {

@@ -72,6 +72,10 @@ impl Effect for GainAsymmetry {
         ]
     }
 
+    fn holds(&self) -> bool {
+        true
+    }
+
     fn command(&self, p: &[f64], at: &Instant<'_>, _outputs: &[f64], _state: &mut [f64], u: &mut [f64]) {
         let frame = at.scene.frame;
         let [left, right] = frame.wheels(u);

@@ -81,6 +81,10 @@ impl Effect for VelocitySaturation {
         ]
     }
 
+    fn holds(&self) -> bool {
+        true
+    }
+
     fn command(&self, p: &[f64], at: &Instant<'_>, _outputs: &[f64], _state: &mut [f64], u: &mut [f64]) {
         self.parts(at.scene).change(u, |_, i, command| command.clamp(-p[i].abs(), p[i].abs()));
     }

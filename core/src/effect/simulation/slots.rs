@@ -1,0 +1,147 @@
+//! The effects of a simulation in the order in which they act, sorted by hook once so that no step asks an effect for nothing.
+
+use std::ops::Range;
+
+use crate::effect::{Effect, EffectParameter, Instant, Motion, Place, Scene, Stage};
+
+/// An effect with its parameters and where its numbers are.
+#[derive(Debug)]
+pub(super) struct Slot<'a> {
+    effect: &'a dyn Effect,
+    /// First of its values in the caller's order.
+    first: usize,
+    values: Vec<f64>,
+    states: Range<usize>,
+    stage: Stage,
+}
+
+/// All effects, by hook.
+#[derive(Debug)]
+pub(super) struct Slots<'a> {
+    slots: Vec<Slot<'a>>,
+    /// Where in the order the effects of each hook are.
+    commands: Range<usize>,
+    loads: Range<usize>,
+    drives: Range<usize>,
+    sensors: Range<usize>,
+    /// Whether the command that goes on changes only where a piece of an interval begins.
+    pub(super) held: bool,
+    /// Whether a load or a drive effect has numbers that change along the way.
+    pub(super) advancing: bool,
+    /// Numbers of all states together.
+    pub(super) states: usize,
+}
+
+impl<'a> Slots<'a> {
+    /// With values that are neutral or, without a neutral value, those of the first start.
+    pub(super) fn new(effects: &[&'a dyn Effect], scene: &Scene) -> Self {
+        let (mut first, mut states) = (0, 0);
+        let mut slots = Vec::with_capacity(effects.len());
+        for &effect in effects {
+            let parameters = effect.parameters(scene);
+            let start = effect.starts(scene).into_iter().next().map(|s| s.values);
+            let value =
+                |(i, p): (usize, &EffectParameter)| p.neutral.or_else(|| start.as_ref().and_then(|s| s.get(i).copied())).unwrap_or(p.scale);
+            let values: Vec<f64> = parameters.iter().enumerate().map(value).collect();
+            let range = states..states + effect.states(scene);
+            slots.push(Slot { effect, first, values, states: range.clone(), stage: effect.stage() });
+            first += parameters.len();
+            states = range.end;
+        }
+        slots.sort_by_key(|s| s.stage);
+        let before = |end: &dyn Fn(Stage) -> bool| slots.partition_point(|s| end(s.stage));
+        let commands = 0..before(&|s| s.place() == Place::Command);
+        let loads = commands.end..before(&|s| s <= Stage::Load);
+        let drives = loads.end..before(&|s| s <= Stage::Drive);
+        let sensors = drives.end..slots.len();
+        let held = slots[commands.clone()].iter().all(|s| s.effect.holds());
+        let advancing = slots[loads.start..drives.end].iter().any(|s| !s.states.is_empty());
+        Self { slots, commands, loads, drives, sensors, held, advancing, states }
+    }
+
+    /// Replaces all values, given in the caller's order.
+    pub(super) fn set(&mut self, values: &[f64]) {
+        for slot in &mut self.slots {
+            let n = slot.values.len();
+            slot.values.copy_from_slice(&values[slot.first..slot.first + n]);
+        }
+    }
+
+    pub(super) fn loads(&self) -> bool {
+        !self.loads.is_empty()
+    }
+
+    pub(super) fn driven(&self) -> bool {
+        !self.drives.is_empty()
+    }
+
+    pub(super) fn sensed(&self) -> bool {
+        !self.sensors.is_empty()
+    }
+
+    /// Sets all states at the start of a stretch; `u` becomes the command that goes on.
+    pub(super) fn begin(&self, at: &Instant<'_>, initial: &[f64], state: &mut [f64], u: &mut [f64]) {
+        arrive(at, u);
+        for slot in &self.slots {
+            let state = &mut state[slot.states.clone()];
+            slot.effect.begin(&slot.values, at, u, initial, state);
+            if slot.stage.place() == Place::Command {
+                slot.effect.command(&slot.values, at, initial, state, u);
+            }
+        }
+    }
+
+    /// The first time after `after` at which an effect switches, or `end`.
+    #[inline(always)]
+    pub(super) fn next_switch(&self, at: &Instant<'_>, state: &[f64], after: f64, end: f64) -> f64 {
+        let switches = self.slots.iter().map(|s| s.effect.next_switch(&s.values, at, &state[s.states.clone()]));
+        switches.filter(|t| *t > after).fold(end, f64::min)
+    }
+
+    /// The command held now, passed through the command effects, with `at.span` seconds gone by.
+    #[inline(always)]
+    pub(super) fn command(&self, at: &Instant<'_>, outputs: &[f64], state: &mut [f64], u: &mut [f64]) {
+        arrive(at, u);
+        for slot in &self.slots[self.commands.clone()] {
+            slot.effect.command(&slot.values, at, outputs, &mut state[slot.states.clone()], u);
+        }
+    }
+
+    /// What the loads use up.
+    #[inline(always)]
+    pub(super) fn load(&self, at: &Instant<'_>, outputs: &[f64], state: &[f64], load: &mut [f64]) {
+        load.fill(0.0);
+        for slot in &self.slots[self.loads.clone()] {
+            slot.effect.load(&slot.values, at, outputs, &state[slot.states.clone()], load);
+        }
+    }
+
+    /// What is left to accelerate.
+    #[inline(always)]
+    pub(super) fn drive(&self, at: &Instant<'_>, motion: &Motion<'_>, state: &[f64], drive: &mut [f64]) {
+        for slot in &self.slots[self.drives.clone()] {
+            slot.effect.drive(&slot.values, at, motion, &state[slot.states.clone()], drive);
+        }
+    }
+
+    /// States of loads and drive effects.
+    #[inline(always)]
+    pub(super) fn advance(&self, at: &Instant<'_>, outputs: &[f64], drive: &[f64], state: &mut [f64]) {
+        for slot in self.slots[self.loads.start..self.drives.end].iter().filter(|s| !s.states.is_empty()) {
+            slot.effect.advance(&slot.values, at, outputs, drive, &mut state[slot.states.clone()]);
+        }
+    }
+
+    /// What sensors make of the outputs.
+    pub(super) fn measure(&self, at: &Instant<'_>, past: &dyn Fn(f64, &mut [f64]), state: &mut [f64], seen: &mut [f64]) {
+        for slot in &self.slots[self.sensors.clone()] {
+            slot.effect.measure(&slot.values, at, past, &mut state[slot.states.clone()], seen);
+        }
+    }
+}
+
+/// The command as it was sent.
+#[inline(always)]
+fn arrive(at: &Instant<'_>, u: &mut [f64]) {
+    u.iter_mut().zip(&at.stretch.inputs).for_each(|(u, column)| *u = column[at.row]);
+}

@@ -1,0 +1,282 @@
+//! The loop over samples, pieces and steps.
+//!
+//! It is written once for any number of outputs `N`, with 0 for one that is only known when it runs: two outputs whose linear part is
+//! diagonal, which nearly every robot on two wheels has, are then a handful of instructions a step.
+
+use super::linear::{Linear, row};
+use super::slots::Slots;
+use super::{BEND, EffectSimulator, OVERFLOW, REFINEMENT};
+use crate::dataset::Stretch;
+use crate::effect::{Instant, Motion, Scene};
+use crate::model::{ModelError, RegressorModel};
+use crate::simulation::{Readout, square_row};
+
+/// Outputs and inputs of the step in progress.
+#[derive(Debug)]
+pub(super) struct Body {
+    pub(super) x: Vec<f64>,
+    saved: Vec<f64>,
+    mid: Vec<f64>,
+    n0: Vec<f64>,
+    nm: Vec<f64>,
+    next: Vec<f64>,
+    u: Vec<f64>,
+    travelled: Vec<f64>,
+    /// One over the root mean square of each output.
+    fineness: Vec<f64>,
+    work: Work,
+}
+
+/// Inputs on their way to accelerations.
+#[derive(Debug)]
+struct Work {
+    net: Vec<f64>,
+    load: Vec<f64>,
+    drive: Vec<f64>,
+    /// The drive before the drive effects.
+    given: Vec<f64>,
+}
+
+impl Body {
+    pub(super) fn new(outputs: usize, inputs: usize, scene: &Scene) -> Self {
+        let (buffer, input) = (|| vec![0.0; outputs], || vec![0.0; inputs]);
+        Self {
+            x: buffer(),
+            saved: buffer(),
+            mid: buffer(),
+            n0: buffer(),
+            nm: buffer(),
+            next: buffer(),
+            u: input(),
+            travelled: buffer(),
+            fineness: scene.scales.outputs.iter().map(|s| 1.0 / s).collect(),
+            work: Work { net: input(), load: input(), drive: input(), given: input() },
+        }
+    }
+
+    /// Whether the run has left the range in which numbers can be squared and multiplied.
+    #[inline(always)]
+    fn lost(&self) -> bool {
+        let within = |x: &[f64]| x.iter().fold(true, |all, x| all & (x.abs() < OVERFLOW));
+        !(within(&self.x) & within(&self.mid))
+    }
+}
+
+impl EffectSimulator<'_> {
+    /// Runs over rows of stretch number `s` from `initial`.
+    pub(super) fn run_rows(
+        &mut self,
+        s: usize,
+        stretch: &Stretch,
+        rows: std::ops::Range<usize>,
+        initial: &[f64],
+        simulated: &mut [Vec<f64>],
+    ) -> Result<(), ModelError> {
+        let (scene, readout) = (self.scene, self.readout);
+        let first =
+            Instant { time: stretch.time[rows.start], span: 0.0, row: rows.start, stretch, track: &scene.tracks[s], scene, readout };
+        for (i, out) in simulated.iter_mut().enumerate() {
+            out.clear();
+            out.reserve(rows.len());
+            out.push(initial[i]);
+        }
+        self.body.x.copy_from_slice(initial);
+        self.trace.truncate(0, 0);
+        self.slots.begin(&first, initial, &mut self.state, &mut self.body.u);
+        if self.slots.sensed() {
+            // A sensor sees the first sample too.
+            self.trace.push(first.time, &self.body.x, None);
+            self.body.next.copy_from_slice(initial);
+            self.sense(&first);
+            simulated.iter_mut().zip(&self.body.next).for_each(|(out, seen)| out[0] = *seen);
+        }
+        let rows = rows.start + 1..rows.end;
+        match (self.body.x.len(), self.linear.diagonal) {
+            (2, true) => self.proceed::<2, true>(&first, rows, simulated),
+            (2, false) => self.proceed::<2, false>(&first, rows, simulated),
+            (_, true) => self.proceed::<0, true>(&first, rows, simulated),
+            (_, false) => self.proceed::<0, false>(&first, rows, simulated),
+        }
+    }
+
+    /// Goes on from the row before `rows`.
+    fn proceed<const N: usize, const DIAGONAL: bool>(
+        &mut self,
+        first: &Instant<'_>,
+        rows: std::ops::Range<usize>,
+        simulated: &mut [Vec<f64>],
+    ) -> Result<(), ModelError> {
+        let time = &first.stretch.time;
+        for k in rows {
+            let before = Instant { time: time[k - 1], row: k - 1, ..*first };
+            let stepped = self.interval::<N, DIAGONAL>(&before, time[k]);
+            // A model that runs away overflows, and then its accelerations are undetermined as well.
+            if self.body.lost() {
+                return Err(ModelError::Diverged { model: self.model.name().to_owned(), time: time[k] });
+            }
+            stepped?;
+            let n = simulated.len().min(self.body.x.len());
+            let Body { x, next, travelled, .. } = &mut self.body;
+            let (x, next, travelled) = (&x[..n], &mut next[..n], &travelled[..n]);
+            if self.readout == Readout::IntervalMean {
+                let interval = time[k] - time[k - 1];
+                next.iter_mut().zip(travelled).for_each(|(s, d)| *s = d / interval);
+            } else {
+                next.copy_from_slice(x);
+            }
+            if self.slots.sensed() {
+                let at = Instant { time: time[k], row: k, ..*first };
+                self.trace.push(at.time, &self.body.x, None);
+                self.sense(&at);
+            }
+            simulated.iter_mut().zip(&self.body.next).for_each(|(out, seen)| out.push(*seen));
+        }
+        Ok(())
+    }
+
+    /// Lets the sensors change what is recorded now.
+    fn sense(&mut self, at: &Instant<'_>) {
+        let trace = &self.trace;
+        self.slots.measure(at, &|time, out| trace.at(time, out), &mut self.state, &mut self.body.next);
+    }
+
+    /// Advances over the interval that begins at a sample, twice if the first pass bends too much.
+    #[inline(always)]
+    fn interval<const N: usize, const DIAGONAL: bool>(&mut self, at: &Instant<'_>, end: f64) -> Result<(), ModelError> {
+        self.body.saved.copy_from_slice(&self.body.x);
+        self.saved.copy_from_slice(&self.state);
+        let kept = self.trace.len();
+        let bend = self.pass::<N, DIAGONAL>(at, end, self.substeps)?;
+        if bend > BEND && self.body.x.iter().all(|x| x.is_finite()) {
+            self.body.x.copy_from_slice(&self.body.saved);
+            self.state.copy_from_slice(&self.saved);
+            self.trace.truncate(kept, self.body.x.len());
+            self.pass::<N, DIAGONAL>(at, end, REFINEMENT * self.substeps)?;
+        }
+        Ok(())
+    }
+
+    /// One pass over an interval; returns the largest bend.
+    #[inline(always)]
+    fn pass<const N: usize, const DIAGONAL: bool>(&mut self, first: &Instant<'_>, end: f64, substeps: usize) -> Result<f64, ModelError> {
+        let start = first.time;
+        let longest = (end - start) / substeps as f64;
+        // What is left after a switch this close to a sample is no step.
+        let tolerance = 1e-9 * (end - start);
+        self.body.travelled.fill(0.0);
+        let mut worst: f64 = 0.0;
+        let mut time = start;
+        while end - time > tolerance {
+            let at = Instant { time, ..*first };
+            self.slots.command(&at, &self.body.x, &mut self.state, &mut self.body.u);
+            let switch = self.slots.next_switch(&at, &self.state, time + tolerance, end);
+            let until = if end - switch > tolerance { switch } else { end };
+            let whole = time == start && until == end;
+            // Where effects switch often they change fast: short pieces are refined as well when all are.
+            let count = if whole { substeps } else { (((until - time) / longest - 1e-6).ceil() as usize).max(substeps.div_ceil(2)) };
+            let step = (until - time) / count as f64;
+            self.linear.prepare(step);
+            for i in 0..count {
+                let at = Instant { time: time + i as f64 * step, ..at };
+                worst = worst.max(self.step::<N, DIAGONAL>(&at, step)?);
+            }
+            time = until;
+        }
+        Ok(worst)
+    }
+
+    /// One step from `at`; returns how much the right side bends.
+    #[inline(always)]
+    fn step<const N: usize, const DIAGONAL: bool>(&mut self, at: &Instant<'_>, h: f64) -> Result<f64, ModelError> {
+        let Self { model, theta, slots, state, linear, body: b, trace, readout, .. } = self;
+        let n = if N == 0 { b.x.len() } else { N };
+        let size = if DIAGONAL { n } else { n * n };
+        let ([half, half_forcing, full, start, middle], part) = (linear.weights(size), &linear.part[..size]);
+        let (x, mid, next) = (&mut b.x[..n], &mut b.mid[..n], &mut b.next[..n]);
+        let (n0, nm) = (&mut b.n0[..n], &mut b.nm[..n]);
+        let right = RightSide { model: *model, theta, slots, linear };
+        right.accelerations(at, x, &b.u, state, &mut b.work, n0)?;
+        if slots.sensed() {
+            trace.push(at.time, x, Some(n0));
+        }
+        for (i, n0) in n0.iter_mut().enumerate() {
+            *n0 -= row::<DIAGONAL>(part, i, x);
+        }
+        for (i, mid) in mid.iter_mut().enumerate() {
+            *mid = row::<DIAGONAL>(half, i, x) + row::<DIAGONAL>(half_forcing, i, n0);
+        }
+        let middle_at = Instant { time: at.time + 0.5 * h, span: 0.5 * h, ..*at };
+        if !slots.held {
+            slots.command(&middle_at, mid, state, &mut b.u);
+        }
+        if slots.advancing {
+            slots.advance(&middle_at, mid, &b.work.given, state);
+        }
+        right.accelerations(&middle_at, mid, &b.u, state, &mut b.work, nm)?;
+        let mut bend: f64 = 0.0;
+        for i in 0..n {
+            nm[i] -= row::<DIAGONAL>(part, i, mid);
+            bend = bend.max((nm[i] - n0[i]).abs() * b.fineness[i]);
+        }
+        for (i, next) in next.iter_mut().enumerate() {
+            *next = row::<DIAGONAL>(full, i, x) + row::<DIAGONAL>(start, i, n0) + row::<DIAGONAL>(middle, i, nm);
+        }
+        if *readout == Readout::IntervalMean {
+            for (i, travelled) in b.travelled[..n].iter_mut().enumerate() {
+                *travelled += h / 6.0 * (x[i] + 4.0 * mid[i] + next[i]);
+            }
+        }
+        x.copy_from_slice(next);
+        let end = Instant { time: at.time + h, span: 0.5 * h, ..*at };
+        if !slots.held {
+            slots.command(&end, x, state, &mut b.u);
+        }
+        if slots.advancing {
+            slots.advance(&end, x, &b.work.given, state);
+        }
+        Ok(h * bend)
+    }
+}
+
+/// The accelerations of a model with loads and drive effects.
+struct RightSide<'s, 'a> {
+    model: &'s dyn RegressorModel,
+    theta: &'s [f64],
+    slots: &'s Slots<'a>,
+    linear: &'s Linear,
+}
+
+impl RightSide<'_, '_> {
+    #[inline(always)]
+    fn accelerations(
+        &self,
+        at: &Instant<'_>,
+        x: &[f64],
+        u: &[f64],
+        state: &[f64],
+        work: &mut Work,
+        out: &mut [f64],
+    ) -> Result<(), ModelError> {
+        let Work { net, load, drive, given } = work;
+        let mut left = u;
+        if self.slots.loads() {
+            self.slots.load(at, x, state, load);
+            net.iter_mut().zip(u).zip(load.iter()).for_each(|((n, u), l)| *n = u - l);
+            left = net;
+        }
+        self.model.accelerations(self.theta, left, x, out)?;
+        if self.slots.driven() {
+            let Linear { inertia, mobility, .. } = self.linear;
+            multiply(inertia, out, drive);
+            given.copy_from_slice(drive);
+            self.slots.drive(at, &Motion { u, outputs: x, inertia }, state, drive);
+            multiply(mobility, drive, out);
+        }
+        Ok(())
+    }
+}
+
+/// out = M x for a row-major matrix.
+fn multiply(matrix: &[f64], x: &[f64], out: &mut [f64]) {
+    out.iter_mut().enumerate().for_each(|(i, out)| *out = square_row(matrix, i, x));
+}
