@@ -42,7 +42,9 @@ pub struct Simulator<'a> {
     fixed_step: Option<f64>,
     max_step: f64,
     linear: Vec<f64>,
+    /// Whether no output's rate depends on another output, and the linear part in the layout that weights then have.
     diagonal: bool,
+    part: Vec<f64>,
     /// Weights of the last few step lengths, and which is in use: a shifted hold takes the same few in turn.
     weights: [Weights; KEPT],
     used: usize,
@@ -99,6 +101,7 @@ impl<'a> Simulator<'a> {
             max_step: f64::INFINITY,
             linear: vec![0.0; n * n],
             diagonal: true,
+            part: vec![0.0; n * n],
             weights: std::array::from_fn(|_| Weights::new(n)),
             used: 0,
             oldest: 0,
@@ -148,6 +151,7 @@ impl<'a> Simulator<'a> {
 
     fn linearise(&mut self) -> Result<(), ModelError> {
         self.diagonal = linear_part(self.model, &self.theta, &mut self.linear)?;
+        lay_out(&self.linear, self.diagonal, self.stages.state.len(), &mut self.part);
         Ok(())
     }
 
@@ -242,7 +246,9 @@ impl<'a> Simulator<'a> {
 
     /// Advances the state by `interval` with the held input.
     fn advance(&mut self, interval: f64) -> Result<(), ModelError> {
-        let substeps = ((interval / self.max_step - 1e-9).ceil() as usize).clamp(1, MAX_SUBSTEPS);
+        // Rounding up is a call of the mathematical library: most steps do not need it.
+        let ratio = interval / self.max_step - 1e-9;
+        let substeps = if ratio <= 1.0 { 1 } else { (ratio.ceil() as usize).clamp(1, MAX_SUBSTEPS) };
         let step = interval / substeps as f64;
         let fits = |w: &Weights| (step - w.step).abs() <= SAME_STEP * step;
         if !fits(&self.weights[self.used]) {
@@ -254,52 +260,65 @@ impl<'a> Simulator<'a> {
             });
         }
         self.stages.travelled.fill(0.0);
-        for _ in 0..substeps {
-            if self.diagonal { self.step(diagonal_row)? } else { self.step(square_row)? }
+        match (self.stages.state.len(), self.diagonal) {
+            (2, true) => self.steps::<2, true>(substeps),
+            (2, false) => self.steps::<2, false>(substeps),
+            (_, true) => self.steps::<0, true>(substeps),
+            (_, false) => self.steps::<0, false>(substeps),
         }
-        Ok(())
     }
 
-    /// One step of ETD4RK; `row(weight, i, x)` is row i of a weight times a vector.
-    fn step(&mut self, row: impl Fn(&[f64], usize, &[f64]) -> f64) -> Result<(), ModelError> {
-        let Self { model, theta, linear, diagonal, weights, used, stages: s, input, .. } = self;
-        let w = &weights[*used];
-        let n = s.state.len();
+    /// Steps of ETD4RK. Written once for any number of outputs `N`, with 0 for one that is only known when it runs: two outputs
+    /// whose linear part is diagonal are then a handful of instructions.
+    fn steps<const N: usize, const DIAGONAL: bool>(&mut self, count: usize) -> Result<(), ModelError> {
+        let Self { model, theta, part, weights, used, stages: s, input, readout, .. } = self;
+        let n = if N == 0 { s.state.len() } else { N };
+        let size = if DIAGONAL { n } else { n * n };
+        let (w, part) = (&weights[*used], &part[..size]);
+        let (full, half, half_forcing) = (&w.full[..size], &w.half[..size], &w.half_forcing[..size]);
+        let (first, middle, last) = (&w.first[..size], &w.middle[..size], &w.last[..size]);
+        let (x, a, b, c) = (&mut s.state[..n], &mut s.a[..n], &mut s.b[..n], &mut s.c[..n]);
+        let (n0, na, nb, nc) = (&mut s.n0[..n], &mut s.na[..n], &mut s.nb[..n], &mut s.nc[..n]);
         // N(x, u) = acceleration − L x.
         let forcing = |x: &[f64], out: &mut [f64]| -> Result<(), ModelError> {
             model.accelerations(theta, input, x, out)?;
-            for i in 0..n {
-                out[i] -= if *diagonal { linear[i * n + i] * x[i] } else { square_row(linear, i, x) };
-            }
+            out.iter_mut().enumerate().for_each(|(i, out)| *out -= row::<DIAGONAL>(part, i, x));
             Ok(())
         };
-        forcing(&s.state, &mut s.n0)?;
-        for i in 0..n {
-            s.c[i] = row(&w.half, i, &s.state);
-            s.a[i] = s.c[i] + row(&w.half_forcing, i, &s.n0);
-        }
-        forcing(&s.a, &mut s.na)?;
-        for i in 0..n {
-            s.b[i] = s.c[i] + row(&w.half_forcing, i, &s.na);
-        }
-        forcing(&s.b, &mut s.nb)?;
-        for i in 0..n {
-            s.c[i] = row(&w.half, i, &s.a) + 2.0 * row(&w.half_forcing, i, &s.nb) - row(&w.half_forcing, i, &s.n0);
-        }
-        forcing(&s.c, &mut s.nc)?;
-        for i in 0..n {
-            s.na[i] += s.nb[i];
-        }
-        if self.readout == Readout::IntervalMean {
-            let [state, first, middle, last] = &w.integral;
+        for _ in 0..count {
+            forcing(x, n0)?;
             for i in 0..n {
-                s.travelled[i] += row(state, i, &s.state) + row(first, i, &s.n0) + row(middle, i, &s.na) + row(last, i, &s.nc);
+                c[i] = row::<DIAGONAL>(half, i, x);
+                a[i] = c[i] + row::<DIAGONAL>(half_forcing, i, n0);
             }
+            forcing(a, na)?;
+            for i in 0..n {
+                b[i] = c[i] + row::<DIAGONAL>(half_forcing, i, na);
+            }
+            forcing(b, nb)?;
+            for (i, c) in c.iter_mut().enumerate() {
+                let forced = 2.0 * row::<DIAGONAL>(half_forcing, i, nb) - row::<DIAGONAL>(half_forcing, i, n0);
+                *c = row::<DIAGONAL>(half, i, a) + forced;
+            }
+            forcing(c, nc)?;
+            na.iter_mut().zip(nb.iter()).for_each(|(a, b)| *a += b);
+            if *readout == Readout::IntervalMean {
+                let [state, first, middle, last] = &w.integral;
+                for (i, travelled) in s.travelled[..n].iter_mut().enumerate() {
+                    *travelled += row::<DIAGONAL>(state, i, x)
+                        + row::<DIAGONAL>(first, i, n0)
+                        + row::<DIAGONAL>(middle, i, na)
+                        + row::<DIAGONAL>(last, i, nc);
+                }
+            }
+            for (i, a) in a.iter_mut().enumerate() {
+                *a = row::<DIAGONAL>(full, i, x)
+                    + row::<DIAGONAL>(first, i, n0)
+                    + row::<DIAGONAL>(middle, i, na)
+                    + row::<DIAGONAL>(last, i, nc);
+            }
+            x.copy_from_slice(a);
         }
-        for i in 0..n {
-            s.a[i] = row(&w.full, i, &s.state) + row(&w.first, i, &s.n0) + row(&w.middle, i, &s.na) + row(&w.last, i, &s.nc);
-        }
-        std::mem::swap(&mut s.state, &mut s.a);
         Ok(())
     }
 
@@ -407,8 +426,19 @@ pub fn linear_part(model: &dyn RegressorModel, theta: &[f64], linear: &mut [f64]
     Ok((0..n * n).all(|k| k / n == k % n || linear[k] == 0.0))
 }
 
-fn diagonal_row(weight: &[f64], i: usize, x: &[f64]) -> f64 {
-    weight[i] * x[i]
+/// Row i of a weight times a vector; of a diagonal one there is one entry a row.
+#[inline(always)]
+pub(crate) fn row<const DIAGONAL: bool>(weight: &[f64], i: usize, x: &[f64]) -> f64 {
+    if DIAGONAL { weight[i] * x[i] } else { square_row(weight, i, x) }
+}
+
+/// A row-major square matrix in the layout of weights: its diagonal first, where that is all that counts.
+pub(crate) fn lay_out(matrix: &[f64], diagonal: bool, n: usize, part: &mut [f64]) {
+    if diagonal {
+        (0..n).for_each(|i| part[i] = matrix[i * n + i]);
+    } else {
+        part.copy_from_slice(matrix);
+    }
 }
 
 /// Row i of a row-major square matrix times a vector.

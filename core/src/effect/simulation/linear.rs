@@ -1,7 +1,7 @@
 //! What a step needs of a model's linear part: its weights, kept for the step lengths that recur, and what a unit of input does.
 
 use crate::model::{ModelError, RegressorModel};
-use crate::simulation::{Weights, linear_part, square_row};
+use crate::simulation::{Weights, lay_out, linear_part};
 
 /// Step lengths whose weights are kept: intervals cut by a delay have two or three that recur.
 const CACHE: usize = 12;
@@ -34,12 +34,6 @@ struct StepWeights {
     values: Vec<f64>,
 }
 
-/// Row i of a weight times a vector.
-#[inline(always)]
-pub(super) fn row<const DIAGONAL: bool>(weight: &[f64], i: usize, x: &[f64]) -> f64 {
-    if DIAGONAL { weight[i] * x[i] } else { square_row(weight, i, x) }
-}
-
 impl Linear {
     pub(super) fn new(n: usize, inputs: usize) -> Self {
         Self {
@@ -60,11 +54,7 @@ impl Linear {
     pub(super) fn set(&mut self, model: &dyn RegressorModel, theta: &[f64], driven: bool) -> Result<(), ModelError> {
         let n = self.outputs;
         self.diagonal = linear_part(model, theta, &mut self.matrix)?;
-        if self.diagonal {
-            (0..n).for_each(|i| self.part[i] = self.matrix[i * n + i]);
-        } else {
-            self.part.copy_from_slice(&self.matrix);
-        }
+        lay_out(&self.matrix, self.diagonal, n, &mut self.part);
         self.cache.iter_mut().for_each(|w| w.step = f64::NAN);
         self.next = 0;
         if !driven {

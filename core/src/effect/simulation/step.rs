@@ -1,15 +1,15 @@
 //! The loop over samples, pieces and steps.
 //!
-//! It is written once for any number of outputs `N`, with 0 for one that is only known when it runs: two outputs whose linear part is
-//! diagonal, which nearly every robot on two wheels has, are then a handful of instructions a step.
+//! It is written once for any number of outputs `N` and as many inputs, with 0 for numbers that are only known when it runs: two
+//! outputs whose linear part is diagonal, which nearly every robot on two wheels has, are then a handful of instructions a step.
 
-use super::linear::{Linear, row};
+use super::linear::Linear;
 use super::slots::Slots;
 use super::{BEND, EffectSimulator, OVERFLOW, REFINEMENT};
 use crate::dataset::Stretch;
 use crate::effect::{Instant, Motion, Scene};
 use crate::model::{ModelError, RegressorModel};
-use crate::simulation::{Readout, square_row};
+use crate::simulation::{Readout, row, square_row};
 
 /// Outputs and inputs of the step in progress.
 #[derive(Debug)]
@@ -91,7 +91,8 @@ impl EffectSimulator<'_> {
             simulated.iter_mut().zip(&self.body.next).for_each(|(out, seen)| out[0] = *seen);
         }
         let rows = rows.start + 1..rows.end;
-        match (self.body.x.len(), self.linear.diagonal) {
+        let two = self.body.x.len() == 2 && self.body.u.len() == 2;
+        match (if two { 2 } else { 0 }, self.linear.diagonal) {
             (2, true) => self.proceed::<2, true>(&first, rows, simulated),
             (2, false) => self.proceed::<2, false>(&first, rows, simulated),
             (_, true) => self.proceed::<0, true>(&first, rows, simulated),
@@ -195,7 +196,7 @@ impl EffectSimulator<'_> {
         let (x, mid, next) = (&mut b.x[..n], &mut b.mid[..n], &mut b.next[..n]);
         let (n0, nm) = (&mut b.n0[..n], &mut b.nm[..n]);
         let right = RightSide { model: *model, theta, slots, linear };
-        right.accelerations(at, x, &b.u, state, &mut b.work, n0)?;
+        right.accelerations::<N>(at, x, &b.u, state, &mut b.work, n0)?;
         if slots.sensed() {
             trace.push(at.time, x, Some(n0));
         }
@@ -212,7 +213,7 @@ impl EffectSimulator<'_> {
         if slots.advancing {
             slots.advance(&middle_at, mid, &b.work.given, state);
         }
-        right.accelerations(&middle_at, mid, &b.u, state, &mut b.work, nm)?;
+        right.accelerations::<N>(&middle_at, mid, &b.u, state, &mut b.work, nm)?;
         let mut bend: f64 = 0.0;
         for i in 0..n {
             nm[i] -= row::<DIAGONAL>(part, i, mid);
@@ -248,7 +249,7 @@ struct RightSide<'s, 'a> {
 
 impl RightSide<'_, '_> {
     #[inline(always)]
-    fn accelerations(
+    fn accelerations<const N: usize>(
         &self,
         at: &Instant<'_>,
         x: &[f64],
@@ -258,8 +259,10 @@ impl RightSide<'_, '_> {
         out: &mut [f64],
     ) -> Result<(), ModelError> {
         let Work { net, load, drive, given } = work;
+        let m = if N == 0 { u.len() } else { N };
         let mut left = u;
         if self.slots.loads() {
+            let (net, load) = (&mut net[..m], &mut load[..m]);
             self.slots.load(at, x, state, load);
             net.iter_mut().zip(u).zip(load.iter()).for_each(|((n, u), l)| *n = u - l);
             left = net;
