@@ -49,6 +49,8 @@ pub struct Sections {
     pub plugin: Vec<PluginEntry>,
     /// The robot to excite.
     pub robot: Option<Table>,
+    /// The protocol to serve with the robot behind it.
+    pub emulator: Option<Table>,
     /// The command to drive.
     pub excitation: Option<Table>,
     /// Recordings to read instead of driving.

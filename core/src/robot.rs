@@ -25,6 +25,16 @@ pub trait Robot: Send {
         true
     }
 
+    /// Changes a command into the one the robot will hold if asked for it: cut to the driver's limits, rounded to what the
+    /// wire carries. A drive records this, so that a recording holds what was sent and not what was wished.
+    fn executed(&self, _command: &mut [f64]) {}
+
+    /// What a drive so far should be told besides its measurements, in sentences: late commands, commands beyond what the
+    /// robot can follow.
+    fn warnings(&self) -> Vec<String> {
+        Vec::new()
+    }
+
     /// Reads the channels without commanding, as at the first row of a recording.
     ///
     /// # Errors

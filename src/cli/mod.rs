@@ -3,6 +3,7 @@
 mod browser;
 mod console;
 mod diagnose;
+mod emulate;
 mod identify;
 mod inspect;
 mod page;
@@ -68,6 +69,8 @@ struct Shared {
 enum Command {
     /// A whole run from a configuration: robot or recording, identify, validate, report
     Run(run::Arguments),
+    /// Serve a robot's protocol with a simulated robot behind it
+    Emulate(emulate::Arguments),
     /// Identify a model's parameters from recordings
     Identify(identify::Arguments),
     /// Where a recording differs from its simulation, what physics was left out, and the proof
@@ -104,6 +107,7 @@ pub fn main() -> u8 {
     });
     let outcome = match &cli.command {
         Command::Run(arguments) => run::run(arguments, &cli.shared, &console),
+        Command::Emulate(arguments) => emulate::run(arguments, &cli.shared, &console),
         Command::Identify(arguments) => identify::run(arguments, &cli.shared, &console),
         Command::Diagnose(arguments) => diagnose::run(arguments, &cli.shared, &console),
         Command::Simulate(arguments) => simulate::run(arguments, &cli.shared, &console),

@@ -187,6 +187,7 @@ fn cycles(
         }
         limiter.apply(t, since, &mut command);
         row[..inputs].copy_from_slice(&command);
+        robot.executed(&mut row[..inputs]);
         row[inputs..].copy_from_slice(&measured);
         rows.push(t, &row);
         if let Err(error) = options.sinks.iter_mut().try_for_each(|sink| sink.row(t, &row)) {
@@ -216,6 +217,7 @@ fn cycles(
         steps += 1;
     };
     remarks.extend(limiter.bites().iter().map(Bite::statement));
+    remarks.extend(robot.warnings());
     outcome
 }
 
