@@ -109,7 +109,10 @@ impl PioneerServer {
     fn check(&self) -> Result<(), RobotError> {
         check_time("cycle", self.cycle)?;
         if self.cycle > 0.255 {
-            return Err(config("cycle", format!("must be at most 0.255, as the robot tells it in one byte of milliseconds, not {}", self.cycle)));
+            return Err(config(
+                "cycle",
+                format!("must be at most 0.255, as the robot tells it in one byte of milliseconds, not {}", self.cycle),
+            ));
         }
         if !(0.0..=60.0).contains(&self.watchdog) {
             return Err(config("watchdog", format!("must be between 0 and 60 (it is in seconds), not {}", self.watchdog)));

@@ -88,24 +88,21 @@ impl Khepera {
         Ok(robot)
     }
 
-    /// The wheels' set points in the robot's units, left and right.
-    fn units(&self, wanted: [f64; 2]) -> [i32; 2] {
-        let [v, omega] = self.limited(wanted);
+    /// The wheels' set points within all limits, in the robot's units but not rounded; left and right.
+    fn wheels(&self, [v, omega]: [f64; 2]) -> [f64; 2] {
+        let [v, omega] = [clamp(v, self.limits[0]), clamp(omega, self.limits[1])];
         let lead = 0.5 * self.dialect.track * omega;
         let fastest = f64::from(self.dialect.fastest);
-        [v - lead, v + lead].map(|rim| (clamp(rim, self.limits[2]) * self.dialect.speed).round().clamp(-fastest, fastest) as i32)
-    }
-
-    fn limited(&self, [v, omega]: [f64; 2]) -> [f64; 2] {
-        [clamp(v, self.limits[0]), clamp(omega, self.limits[1])]
+        [v - lead, v + lead].map(|rim| (clamp(rim, self.limits[2]) * self.dialect.speed).clamp(-fastest, fastest))
     }
 
     fn body(&self, [left, right]: [f64; 2]) -> [f64; 2] {
         [0.5 * (left + right), (right - left) / self.dialect.track]
     }
 
-    fn execution(&self, wanted: [f64; 2]) -> [f64; 2] {
-        self.body(self.units(wanted).map(|u| f64::from(u) / self.dialect.speed))
+    /// v and ω of set points in the robot's units.
+    fn of_units(&self, units: [f64; 2]) -> [f64; 2] {
+        self.body(units.map(|u| u / self.dialect.speed))
     }
 
     fn speeds_command(&self, [left, right]: [i32; 2]) -> String {
@@ -118,11 +115,10 @@ impl Khepera {
     }
 
     fn drive(&mut self, wanted: [f64; 2]) -> Result<(), RobotError> {
-        let units = self.units(wanted);
+        let wheels = self.wheels(wanted);
+        let units = wheels.map(|u| u.round() as i32);
         self.slow += u64::from(units.iter().any(|u| *u != 0 && u.abs() < self.dialect.slowest));
-        // What is left after limits on v and ω may still be cut at a wheel; both count as limits.
-        let executed = self.execution(wanted);
-        self.tally.count(wanted, self.limited(wanted), executed);
+        self.tally.count(wanted, self.of_units(wheels), self.of_units(units.map(f64::from)));
         self.send_speeds(units)?;
         self.wait()?;
         self.read()
@@ -188,7 +184,7 @@ impl Robot for Khepera {
 
     fn executed(&self, command: &mut [f64]) {
         if let Ok(wanted) = velocity_command(command) {
-            command.copy_from_slice(&self.execution(wanted));
+            command.copy_from_slice(&self.of_units(self.wheels(wanted).map(f64::round)));
         }
     }
 
@@ -232,7 +228,8 @@ impl Robot for Khepera {
         let count = self.tally.commands();
         if self.slow > 0 {
             let rim = f64::from(self.dialect.slowest) / self.dialect.speed;
-            warnings.push(format!("{} of {count} commands asked a wheel for less than the {rim:.4} m/s that its controller holds", self.slow));
+            warnings
+                .push(format!("{} of {count} commands asked a wheel for less than the {rim:.4} m/s that its controller holds", self.slow));
         }
         if self.line.missing() > 0 {
             warnings.push(format!("{} answers of the robot never came; the commands were sent again", self.line.missing()));

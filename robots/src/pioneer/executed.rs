@@ -32,8 +32,7 @@ impl Execution {
             *limit = limit.min(asked.unwrap_or(f64::INFINITY)).min(if stated > 0.0 { stated } else { f64::INFINITY });
         }
         let slowest = |[up, down]: [u16; 2]| Some(f64::from(up.min(down))).filter(|ramp| *ramp > 0.0);
-        let firmware_ramps =
-            [slowest(firmware.translation_ramp).map(|a| 1e-3 * a), slowest(firmware.rotation_ramp).map(f64::to_radians)];
+        let firmware_ramps = [slowest(firmware.translation_ramp).map(|a| 1e-3 * a), slowest(firmware.rotation_ramp).map(f64::to_radians)];
         let wanted_ramps = [config.limits.v_dot, config.limits.omega_dot];
         Self {
             kind: config.command,

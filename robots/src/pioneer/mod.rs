@@ -51,11 +51,6 @@ const CYCLE: f64 = 0.1;
 const ENABLING: u32 = 30;
 /// Cycles that a robot may take to come to rest before its motors are switched off.
 const COMING_TO_REST: u32 = 20;
-/// Cycles in which a moving robot must have moved.
-const FROZEN: u32 = 10;
-/// Wheels slower than this may stand between two ticks \[m/s\].
-const SLOW: f64 = 0.02;
-
 /// A connected Pioneer with powered motors.
 #[derive(Debug)]
 pub struct Pioneer {
@@ -73,7 +68,6 @@ pub struct Pioneer {
     tick: Option<f64>,
     pose: [Unwrapped; 3],
     last: Option<Sip>,
-    unmoved: u32,
     measured: [f64; OUTPUTS.len()],
     state: State,
     remarks: Vec<String>,
@@ -120,7 +114,6 @@ impl Pioneer {
             tick: if config.encoders { Some(tick(&firmware)?) } else { None },
             pose: [Unwrapped::default(); 3],
             last: None,
-            unmoved: 0,
             measured: [0.0; OUTPUTS.len()],
             state: State::Driving,
             remarks,
@@ -207,7 +200,6 @@ impl Pioneer {
         let Some(sip) = Sip::decode(&received.packet) else { return Ok(false) };
         self.clock.tick(received.arrival, received.damaged);
         self.read(&sip);
-        self.check_moving(&sip)?;
         self.last = Some(sip);
         Ok(true)
     }
@@ -226,20 +218,6 @@ impl Pioneer {
         }
         let [x, y, phi] = pose;
         self.measured[..WITHOUT_ENCODERS].copy_from_slice(&[v, omega, x, y, phi, left, right, sip.volts()]);
-    }
-
-    /// A robot that reports speed and does not move sends old data.
-    fn check_moving(&mut self, sip: &Sip) -> Result<(), RobotError> {
-        let same = self.last.as_ref().is_some_and(|last| (last.x, last.y, last.heading) == (sip.x, sip.y, sip.heading));
-        let fast = [sip.left, sip.right].into_iter().any(|s| f64::from(s).abs() * self.conversion.velocity > SLOW);
-        self.unmoved = if same && fast { self.unmoved + 1 } else { 0 };
-        if self.unmoved < FROZEN {
-            return Ok(());
-        }
-        Err(RobotError::Fault(format!(
-            "it reports wheels at {} and {} mm/s and the same position for {FROZEN} cycles: its data is frozen",
-            sip.left, sip.right
-        )))
     }
 
     fn drive(&mut self, wanted: [f64; 2]) -> Result<(), RobotError> {

@@ -6,9 +6,9 @@ use std::time::Duration;
 
 use wheelwright_core::robot::RobotError;
 
+use super::config;
 #[cfg(unix)]
 use super::serial::SerialPort;
-use super::config;
 
 /// A peer that takes no byte for this long is gone.
 const WRITE_LIMIT: Duration = Duration::from_secs(1);
@@ -90,7 +90,9 @@ fn connect(address: &str) -> Result<TcpStream, RobotError> {
             Err(error) => last = Some(error),
         }
     }
-    Err(RobotError::Connection(last.map_or_else(|| format!("{address} is no address"), |e| format!("{address}: {e}; is the robot on and listening?"))))
+    Err(RobotError::Connection(
+        last.map_or_else(|| format!("{address} is no address"), |e| format!("{address}: {e}; is the robot on and listening?")),
+    ))
 }
 
 #[cfg(unix)]

@@ -41,7 +41,11 @@ pub(crate) fn config(key: &str, reason: impl Into<String>) -> RobotError {
 
 /// A time of a configuration must be positive and at most a minute.
 pub(crate) fn check_time(key: &str, value: f64) -> Result<(), RobotError> {
-    if value > 0.0 && value <= 60.0 { Ok(()) } else { Err(config(key, format!("must be above 0 and at most 60 (it is in seconds), not {value}"))) }
+    if value > 0.0 && value <= 60.0 {
+        Ok(())
+    } else {
+        Err(config(key, format!("must be above 0 and at most 60 (it is in seconds), not {value}")))
+    }
 }
 
 /// The two command values of a velocity-driven robot, finite.

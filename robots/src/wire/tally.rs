@@ -3,6 +3,9 @@
 /// A command is rounded noticeably if it is changed by more than this share of its motion.
 const NOTICEABLE: f64 = 0.02;
 
+/// A command is cut if it is changed by more than this \[m/s, rad/s\]; less is arithmetic.
+const CUT: f64 = 1e-9;
+
 /// Commands of v and ω, and what became of them.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Tally {
@@ -24,7 +27,7 @@ impl Tally {
     /// A command as wished, after the limits, and as the wire carries it.
     pub(crate) fn count(&mut self, wanted: [f64; 2], limited: [f64; 2], executed: [f64; 2]) {
         self.commands += 1;
-        self.clamped += u64::from(limited != wanted);
+        self.clamped += u64::from((0..2).any(|i| (limited[i] - wanted[i]).abs() > CUT));
         for (rounding, (limited, executed)) in self.rounding.iter_mut().zip(limited.into_iter().zip(executed)) {
             rounding.error += (executed - limited).powi(2);
             rounding.sum += limited;
@@ -46,7 +49,8 @@ impl Tally {
         let count = self.commands;
         let mut warnings = Vec::new();
         if self.clamped > 0 {
-            warnings.push(format!("{} of {count} commands were cut to the robot's limits; the recording holds what was sent", self.clamped));
+            warnings
+                .push(format!("{} of {count} commands were cut to the robot's limits; the recording holds what was sent", self.clamped));
         }
         for (rounding, name) in self.rounding.iter().zip(["v_ref", "omega_ref"]) {
             let share = rounding.share(count as f64);
