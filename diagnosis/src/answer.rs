@@ -39,7 +39,12 @@ pub(crate) struct Story<'a> {
 }
 
 /// Writes the answer.
-pub(crate) fn tell(question: &Question<'_>, story: Story<'_>, warnings: Vec<String>) -> Result<Diagnosis, DiagnosisError> {
+pub(crate) fn tell(
+    question: &Question<'_>,
+    story: Story<'_>,
+    track: Option<Finding>,
+    warnings: Vec<String>,
+) -> Result<Diagnosis, DiagnosisError> {
     let Story { search, selected, responses, .. } = &story;
     let setting = &search.setting;
     let noise = &selected.whitening.noise;
@@ -50,7 +55,8 @@ pub(crate) fn tell(question: &Question<'_>, story: Story<'_>, warnings: Vec<Stri
     let screened = search.screen(&base_state, &selected.whitening, responses);
     let untestable = untestable::list(search, &screened, responses, &selected.state);
     let ranking = selected.ranking.iter().map(|(i, score)| (search.effect(*i).name().to_owned(), *score)).collect();
-    let weighed = decide(Weighed { findings, flags, transfer: proof.transfer, warnings, effects: search.library, scene: setting.scene });
+    let weighed =
+        decide(Weighed { findings, track, flags, transfer: proof.transfer, warnings, effects: search.library, scene: setting.scene });
     let location = if weighed.verdict == Verdict::NoMismatch { nowhere(location) } else { location };
     let next_experiment = match weighed.verdict {
         Verdict::Ambiguous if question.experiment => next_experiment(question, search, selected, &open)?,
@@ -251,7 +257,8 @@ fn findings(search: &Search<'_>, selected: &Selected, proof: &Proven) -> (Vec<Fi
         let estimates: Vec<Estimate> = parameters.iter().enumerate().map(estimate).collect();
         let rest = search.without(selected, member);
         let rivals = selected.rivals.get(member).map_or(&[][..], Vec::as_slice);
-        let delta_bic = rest.as_ref().map_or(0.0, |rest| search.worth(selected, rest));
+        let known = search.known.filter(|_| *index >= search.library.len()).map(|(_, evidence)| *evidence);
+        let delta_bic = known.unwrap_or_else(|| rest.as_ref().map_or(0.0, |rest| search.worth(selected, rest)));
         all.push(Finding {
             name: effect.name().to_owned(),
             place: effect.stage().place(),

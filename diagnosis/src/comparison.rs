@@ -4,6 +4,12 @@ use nalgebra::DMatrix;
 use wheelwright_core::Dataset;
 use wheelwright_core::effect::Scene;
 
+/// An angle between −π and π.
+pub(crate) fn wrapped(angle: f64) -> f64 {
+    let turn = std::f64::consts::TAU;
+    angle - turn * (angle / turn).round()
+}
+
 /// One series an output.
 pub type Channels = Vec<Vec<f64>>;
 

@@ -10,9 +10,14 @@ use crate::residuals::Flag;
 /// Share of the misfit that may be left over by a test without a library before an explanation is only a part of one.
 const LEFT_OVER: f64 = 0.08;
 
+/// Effects by which the wheels' rates tell another motion than the robot's.
+const SLIDES: [&str; 2] = ["turning_scrub", "wheel_slip"];
+
 /// Everything that weighs.
 pub(crate) struct Weighed<'a> {
     pub(crate) findings: Vec<Finding>,
+    /// A wrong track that channels beside the model's tell.
+    pub(crate) track: Option<Finding>,
     pub(crate) flags: Vec<Flag>,
     pub(crate) transfer: Transfer,
     pub(crate) warnings: Vec<String>,
@@ -30,7 +35,7 @@ pub(crate) struct Decided {
 }
 
 pub(crate) fn decide(weighed: Weighed<'_>) -> Decided {
-    let Weighed { mut findings, flags, transfer, mut warnings, effects, scene } = weighed;
+    let Weighed { mut findings, track, flags, transfer, mut warnings, effects, scene } = weighed;
     // What acts on the noise alone shows in the tests and not in the likelihood.
     let left: Vec<&Flag> = flags.iter().filter(|f| f.left_over.is_some_and(|share| share > LEFT_OVER)).collect();
     // Where any motion is left over, noise that looks like an effect may be that motion.
@@ -41,17 +46,20 @@ pub(crate) fn decide(weighed: Weighed<'_>) -> Decided {
             findings.extend(of_noise(name, values, flag, effects, scene));
         }
     }
+    let moved = !findings.is_empty();
+    // Wheels that slide make a track look wider.
+    findings.extend(track.filter(|_| !findings.iter().any(|f| SLIDES.contains(&f.name.as_str()))));
     warnings.extend(left.iter().map(|f| f.statement.clone()));
     let nothing = findings.is_empty();
     let rivals = findings.iter().any(|f| f.alternatives.iter().any(|a| a.gap < AMBIGUOUS && !a.always));
-    if transfer == Transfer::Fails && !nothing {
+    if transfer == Transfer::Fails && moved {
         warnings
             .push("what explains the training data does not bring the held-out error down: it fits here and does not transfer".to_owned());
     }
     let verdict = match (nothing, left.is_empty()) {
         (true, true) => Verdict::NoMismatch,
         (_, false) => Verdict::Unexplained,
-        (false, true) if transfer == Transfer::Fails => Verdict::Unexplained,
+        (false, true) if transfer == Transfer::Fails && moved => Verdict::Unexplained,
         (false, true) if rivals => Verdict::Ambiguous,
         (false, true) => Verdict::Explained,
     };

@@ -5,16 +5,17 @@ use wheelwright_core::effect::{Effect, Scene, Stage};
 use wheelwright_core::simulation::Readout;
 
 use crate::answer::{Story, tell};
+use crate::beside::Beside;
 use crate::finding::Diagnosis;
 use crate::fit::base::{fit, renew};
 use crate::fit::layout::Layout;
-use crate::fit::search::{Effort, Fit};
-use crate::fit::setting::{Runner, Setting};
+use crate::fit::search::{Effort, Fit, evaluate, maximise};
+use crate::fit::setting::{Point, Runner, Setting};
 use crate::fit::whitening::Whitening;
 use crate::noise::Noise;
 use crate::question::{DiagnosisError, Question};
 use crate::screen::{Response, saturate};
-use crate::select::{Search, State};
+use crate::select::{FINAL, Search, State};
 
 /// Fewest values a parameter that are needed for a noise model to mean anything.
 const FEWEST: usize = 10;
@@ -28,6 +29,9 @@ const DECISIVE: f64 = 10.0;
 const ORDINARY_TRACK: f64 = 0.35;
 /// Rows beyond which a recording only costs time: pieces spread evenly over it are taken.
 const MOST_ROWS: usize = 8_000;
+
+/// An effect that channels beside the model's tell, and the evidence for it.
+pub(crate) type Known = (Box<dyn Effect>, f64);
 
 /// Diagnoses.
 ///
@@ -55,14 +59,21 @@ pub fn diagnose(question: &Question<'_>) -> Result<Diagnosis, DiagnosisError> {
     };
     let scene = Scene::new(&data, question.model, track, question.wheel_radius, headings.as_deref());
     let setting = setting(question, &data, &scene, Readout::Instantaneous);
-    let story = selected(setting, question)?;
-    let story = other_readout(story, question, &data, &scene)?;
-    tell(question, story, warnings)
+    let Beside { radii, track } = Beside::of(question, &scene);
+    let story = selected(setting, question, radii.as_ref())?;
+    let story = other_readout(story, question, &data, &scene, radii.as_ref())?;
+    tell(question, story, track, warnings)
 }
 
 /// Odometry that differences counts records means over the interval, which looks like a delay of half a sample. Where being late
 /// is part of the explanation, the plainer reading of the data is tried, and kept if it explains as much with less.
-fn other_readout<'a>(story: Story<'a>, question: &Question<'a>, data: &'a Dataset, scene: &'a Scene) -> Result<Story<'a>, DiagnosisError> {
+fn other_readout<'a>(
+    story: Story<'a>,
+    question: &Question<'a>,
+    data: &'a Dataset,
+    scene: &'a Scene,
+    known: Option<&'a Known>,
+) -> Result<Story<'a>, DiagnosisError> {
     let late = story.search.effects(&story.selected.state.effects);
     if !late.iter().any(|e| matches!(e.stage(), Stage::Transport | Stage::Filter | Stage::Sensor)) {
         return Ok(story);
@@ -73,7 +84,7 @@ fn other_readout<'a>(story: Story<'a>, question: &Question<'a>, data: &'a Datase
     if base.likelihood(&other) <= story.first {
         return Ok(story);
     }
-    let rival = selected(other, question)?;
+    let rival = selected(other, question, known)?;
     Ok(if rival.evidence() > story.evidence() + DECISIVE { rival } else { story })
 }
 
@@ -102,17 +113,30 @@ fn setting<'a>(question: &Question<'a>, data: &'a Dataset, scene: &'a Scene, rea
 }
 
 /// Base fit, noise, and the effects that the evidence asks for.
-fn selected<'a>(mut setting: Setting<'a>, question: &Question<'a>) -> Result<Story<'a>, DiagnosisError> {
+fn selected<'a>(mut setting: Setting<'a>, question: &Question<'a>, known: Option<&'a Known>) -> Result<Story<'a>, DiagnosisError> {
     let rough = fit(&mut setting, question)?;
     setting.tolerance = worthwhile_accuracy(&setting, &rough);
     let first = rough.likelihood(&setting);
     let open: Vec<usize> = (0..question.library.len()).filter(|i| question.library[*i].inapplicable(setting.scene).is_none()).collect();
-    let search = Search { setting, library: question.library, open };
+    let search = Search { setting, library: question.library, open, known };
     let state = State { effects: Vec::new(), fit: rough };
     let responses = search.respond(&state);
     let (whitening, base) = whitened(&search.setting, &state.fit, &responses)?;
-    let selected = search.run(State { effects: Vec::new(), fit: base }, whitening, &responses)?;
+    let known = with_known(&search, &base, &whitening);
+    let selected = search.run(State { effects: Vec::new(), fit: base }, known, whitening, &responses)?;
     Ok(Story { search, selected, responses, first })
+}
+
+/// The base model with the effect that is known from beside, fitted within what is known of it.
+fn with_known(search: &Search<'_>, base: &Fit, whitening: &Whitening) -> Option<State> {
+    let (effect, _) = search.known?;
+    let setting = &search.setting;
+    let start = effect.starts(setting.scene).into_iter().next()?;
+    let point = Point { x: [&base.point.x, &start.values[..]].concat(), starts: base.point.starts.clone() };
+    let effects = vec![search.library.len()];
+    let mut runner = search.runner(&effects, &point)?;
+    let there = evaluate(setting, &mut runner, whitening, &point)?;
+    Some(State { effects, fit: maximise(setting, &mut runner, whitening, there, FINAL, true) })
 }
 
 /// A hundredth of what changes from sample to sample in the residual: errors that small are lost in the noise.

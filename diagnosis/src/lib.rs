@@ -5,6 +5,7 @@
 
 pub mod adequacy;
 mod answer;
+mod beside;
 pub mod comparison;
 mod decide;
 mod diagnose;

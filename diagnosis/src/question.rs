@@ -26,6 +26,8 @@ pub struct Question<'a> {
     pub held_out: Option<&'a Dataset>,
     /// Measured headings of the training data, one vector a stretch \[rad\]; without them they are integrated.
     pub training_headings: Option<Vec<Vec<f64>>>,
+    /// Measured rates of the left and the right wheel \[rad/s\], a pair a stretch: they tell radii and track where velocities are the robot's own.
+    pub training_wheel_rates: Option<Vec<[Vec<f64>; 2]>>,
     /// Measured headings of the held-out data.
     pub held_out_headings: Option<Vec<Vec<f64>>>,
     /// Distance between the wheels \[m\]; without it the most likely one is taken, with a warning.
@@ -56,6 +58,7 @@ impl<'a> Question<'a> {
             training,
             held_out: None,
             training_headings: None,
+            training_wheel_rates: None,
             held_out_headings: None,
             track_width: None,
             wheel_radius: None,

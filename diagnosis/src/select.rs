@@ -5,6 +5,7 @@
 
 use wheelwright_core::effect::{Effect, EffectParameter};
 
+use crate::diagnose::Known;
 use crate::fit::Fitted;
 use crate::fit::algebra::Directions;
 use crate::fit::base::renew;
@@ -75,6 +76,8 @@ pub(crate) struct Search<'a> {
     pub(crate) library: &'a [Box<dyn Effect>],
     /// Indices of the effects that apply.
     pub(crate) open: Vec<usize>,
+    /// An effect that is known from beside the model's channels: a member from the first, behind the library in number.
+    pub(crate) known: Option<&'a Known>,
 }
 
 /// What selection ended with.
@@ -101,7 +104,10 @@ impl<'a> Search<'a> {
     }
 
     pub(crate) fn effect(&self, index: usize) -> &'a dyn Effect {
-        &*self.library[index]
+        match self.known {
+            Some((effect, _)) if index >= self.library.len() => &**effect,
+            _ => &*self.library[index],
+        }
     }
 
     pub(crate) fn effects(&self, indices: &[usize]) -> Vec<&'a dyn Effect> {
@@ -264,11 +270,19 @@ impl<'a> Search<'a> {
     }
 
     /// Adds effects to the base while they are worth it.
-    pub(crate) fn run(&self, base: State, whitening: Whitening, first: &[Response]) -> Result<Selected, DiagnosisError> {
-        let mut selected = Selected { base: base.fit.clone(), state: base, whitening, rivals: Vec::new(), ranking: Vec::new() };
+    pub(crate) fn run(
+        &self,
+        base: State,
+        known: Option<State>,
+        whitening: Whitening,
+        first: &[Response],
+    ) -> Result<Selected, DiagnosisError> {
+        let mut selected =
+            Selected { base: base.fit.clone(), state: known.unwrap_or(base), whitening, rivals: Vec::new(), ranking: Vec::new() };
+        selected.rivals.resize(self.fixed(&selected), Vec::new());
         for depth in 0..MOST {
             let fresh;
-            let responses = if depth == 0 {
+            let responses = if selected.state.effects.is_empty() {
                 first
             } else {
                 fresh = self.respond_again(&selected.state, &selected.whitening, first);
@@ -328,19 +342,26 @@ impl<'a> Search<'a> {
         others.map(|r| Rival { effect: r.effect, state: joined(r), gap: score - r.score }).collect()
     }
 
+    /// How many members are known and stay.
+    pub(crate) fn fixed(&self, selected: &Selected) -> usize {
+        selected.state.effects.iter().take_while(|i| **i >= self.library.len()).count()
+    }
+
     /// Drops each member in turn and takes the best replacement if it gains; keeps the others as rivals.
     fn exchange(&self, selected: &mut Selected, first: &[Response]) {
-        let mut member = 0;
+        let fixed = self.fixed(selected);
+        let mut member = fixed;
         let mut exchanged = 0;
-        selected.rivals.clear();
+        selected.rivals = vec![Vec::new(); fixed];
         while member < selected.state.effects.len() {
             let (rest, refined) = self.replacements(selected, member, first);
             let present = self.worth(selected, &rest);
             let better = refined.first().filter(|b| exchanged < MOST && b.score > present + EXCHANGE);
             if let Some(next) = better.and_then(|best| self.replaced(selected, &rest, best)) {
                 *selected = next;
+                selected.rivals = vec![Vec::new(); fixed];
                 exchanged += 1;
-                member = 0;
+                member = fixed;
                 continue;
             }
             selected.rivals.push(self.beside(&rest, &refined, selected.state.effects[member], present));

@@ -11,7 +11,7 @@ fn every_effect_keeps_its_promises() {
     // Settings that are for simulation only.
     all.push(Box::new(EncoderQuantisation { counts: true }));
     all.push(Box::new(TimestampJitter { seed: Some(7) }));
-    all.push(Box::new(WheelRadiusMismatch { wheel: Some(Wheel::Left) }));
+    all.push(Box::new(WheelRadiusMismatch { wheel: Some(Wheel::Left), ..WheelRadiusMismatch::default() }));
     let broken: Vec<String> = all
         .iter()
         .filter_map(|effect| check_effect(&**effect).err().map(|violations| (effect, violations)))

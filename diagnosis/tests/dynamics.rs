@@ -6,8 +6,9 @@ mod rig;
 
 use rig::{HALF_TRACK, body, integrate, sides};
 use wheelwright_diagnosis::effects::{
-    Backlash, Between, CastorDrag, CoulombFriction, CoulombFrictionOneWheel, DirectionAsymmetry, LateralComOffset, PayloadChange,
-    QuadraticDrag, RollingResistance, ScrubLaw, SlipLaw, Slope, StribeckFriction, TurningScrub, ViscousAsymmetry, Wheel, WheelSlip,
+    Backlash, Between, CastorDrag, CastorKind, CoulombFriction, CoulombFrictionOneWheel, DirectionAsymmetry, LateralComOffset,
+    PayloadChange, QuadraticDrag, RollingResistance, ScrubLaw, SlipLaw, Slope, Speeds, StribeckFriction, TurningScrub, ViscousAsymmetry,
+    Wheel, WheelRadiusMismatch, WheelSlip,
 };
 
 /// Ground speeds of left and right wheel in the body frame.
@@ -131,27 +132,80 @@ fn scrub_resists_turning() {
 #[test]
 fn a_castor_swings_round_and_drags() {
     let rig = body();
-    let (f, l, d, ratio) = (0.06, 0.05, 0.2, 1.3);
-    // The direction in which the pivot and the castor's trailing wheel move together at the start.
-    let steady = |v: f64, w: f64| {
-        let rate = |delta: f64| (-v * delta.sin() - d * w * delta.cos()) / l - w;
-        let (mut low, mut high) = (-1.2, 1.2);
-        for _ in 0..60 {
-            let middle = 0.5 * (low + high);
-            if rate(middle) > 0.0 { low = middle } else { high = middle }
-        }
-        low
-    };
-    let start = [rig.start[0], rig.start[1], steady(rig.start[0], rig.start[1])];
-    let error = rig.error(&CastorDrag {}, &[f, l, d, ratio], start, &[], |_, u, [v, w, delta]| {
-        let roll = v * delta.cos() - d * w * delta.sin();
-        // Force of the ground along the castor, its moment about the axle's middle at its pivot.
-        let (fx, fy) = (-f * rig.sign(roll) * delta.cos(), -f * rig.sign(roll) * delta.sin());
-        let moment = -d * fy;
-        let a = (rig.base)([u[0] + fx, u[1] + ratio / (HALF_TRACK * HALF_TRACK) * moment], [v, w]);
-        [a[0], a[1], (-v * delta.sin() - d * w * delta.cos()) / l - w]
+    let (d, l, ratio) = (0.2, 0.05, 1.3);
+    for (f, dry, grease) in [(0.06, 0.0, 0.0), (0.02, 0.0008, 0.0004)] {
+        // The direction in which the pivot and the castor's trailing wheel move together at the start.
+        let steady = |v: f64, w: f64| {
+            let rate = |delta: f64| (-v * delta.sin() - d * w * delta.cos()) / l - w;
+            let (mut low, mut high) = (-1.2, 1.2);
+            for _ in 0..60 {
+                let middle = 0.5 * (low + high);
+                if rate(middle) > 0.0 { low = middle } else { high = middle }
+            }
+            low
+        };
+        let start = [rig.start[0], rig.start[1], steady(rig.start[0], rig.start[1])];
+        let kind = CastorKind::Swivel;
+        let error = rig.error(&CastorDrag { kind }, &[f, d, l, dry, grease, ratio], start, &[], |_, u, [v, w, delta]| {
+            let roll = v * delta.cos() - d * w * delta.sin();
+            let swing = (-v * delta.sin() - d * w * delta.cos()) / l - w;
+            // Forces of the ground on the castor's wheel, along it and across it, where it stands.
+            let moment = dry * rig.sign(swing * l) + grease * swing;
+            let (along, across) = (-f * rig.sign(roll), -moment / l);
+            let force = [along * delta.cos() - across * delta.sin(), along * delta.sin() + across * delta.cos()];
+            let place = [-d - l * delta.cos(), -l * delta.sin()];
+            let turn = place[0] * force[1] - place[1] * force[0];
+            let a = (rig.base)([u[0] + force[0], u[1] + ratio / (HALF_TRACK * HALF_TRACK) * turn], [v, w]);
+            [a[0], a[1], swing]
+        });
+        assert!(error < 1e-3, "{error}");
+    }
+}
+
+#[test]
+fn a_ball_slides_against_its_motion() {
+    let rig = body();
+    let (f, d, ratio) = (0.05, 0.2, 1.2);
+    let error = rig.load_error(&CastorDrag { kind: CastorKind::Ball }, &[f, d, ratio], |[v, w]| {
+        let slide = v.hypot(d * w).hypot(rig.kink);
+        [f * v / slide, ratio * f * d * d / (HALF_TRACK * HALF_TRACK) * w / slide]
     });
     assert!(error < 1e-3, "{error}");
+}
+
+/// Wheels of unequal radii by virtual power: rates that the loops take for x̂ = x − E x push with P (u − x̂), and the push at each wheel
+/// counts at the ground by the same (I − E). With equal friction on both axes the effect's equation is exact to first order in E.
+#[test]
+fn unequal_wheels_couple_what_the_loops_keep() {
+    let rig = body();
+    let (e, h) = (0.08, HALF_TRACK);
+    for ratio in [1.0, 1.4] {
+        let ground = WheelRadiusMismatch { speeds: Speeds::Ground, ..WheelRadiusMismatch::default() };
+        let error = rig.error(&ground, &[e, ratio], rig.start, &[], |_, u, [v, w]| {
+            let [a, b] = (rig.base)([0.0, 0.0], [v, w]);
+            // Coefficients of the base: acceleration by one unit of input.
+            let by = (rig.base)([1.0, 1.0], [v, w]);
+            let (th1, th2) = (1.0 / (by[0] - a), 1.0 / (by[1] - b));
+            let used = [-th1 * a, -th2 * b];
+            let drive = [u[0] - used[0] + 0.5 * e * h * used[1], u[1] - used[1] + 0.5 * e / h * used[0]];
+            let push = [u[0] - used[0], u[1] - used[1]];
+            [(drive[0] - 0.5 * e * h / ratio * push[1]) / th1, (drive[1] - 0.5 * e * ratio / h * push[0]) / th2]
+        });
+        assert!(error < 1e-3, "{error}");
+        // Kinetic energy of the robot in what its encoders say: x = x̂ − E x̂, masses th1 and th2 h²/ρ beside it.
+        let encoders = WheelRadiusMismatch { speeds: Speeds::Encoders, ..WheelRadiusMismatch::default() };
+        let error = rig.error(&encoders, &[e, ratio], rig.start, &[], |_, u, x| {
+            let [a, b] = (rig.base)([0.0, 0.0], x);
+            let by = (rig.base)([1.0, 1.0], x);
+            let (th1, th2) = (1.0 / (by[0] - a), 1.0 / (by[1] - b));
+            let (mass, inertia) = (th1, th2 * h * h / ratio);
+            let off = -0.5 * e * (mass * h + inertia / h);
+            let force = [u[0] + th1 * a, (u[1] + th2 * b) * h * h / ratio];
+            let determinant = mass * inertia - off * off;
+            [(inertia * force[0] - off * force[1]) / determinant, (mass * force[1] - off * force[0]) / determinant]
+        });
+        assert!(error < 1e-3, "{error}");
+    }
 }
 
 #[test]

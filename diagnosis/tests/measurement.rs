@@ -5,11 +5,11 @@
 mod common;
 
 use common::{HALF_TRACK, THETA, base, data, held, model, reference};
-use wheelwright_core::effect::{Effect, EffectSimulator, Scene};
+use wheelwright_core::effect::{Effect, EffectSimulator, Instant, Scene};
 use wheelwright_core::simulation::Readout;
 use wheelwright_core::{Dataset, RegressorModel, Stretch};
 use wheelwright_diagnosis::effects::{
-    EncoderQuantisation, SensorDelay, TimestampJitter, TrackWidthError, Wheel, WheelEccentricity, WheelRadiusMismatch,
+    EncoderQuantisation, Ripple, SensorDelay, TimestampJitter, TrackWidthError, Wheel, WheelEccentricity, WheelRadiusMismatch,
 };
 
 const RADIUS: f64 = 0.09;
@@ -115,7 +115,7 @@ fn wrong_radii_and_a_wrong_track_scale_what_is_recorded() {
         let [l, r] = sides(&truth[k].1);
         back([l * (1.0 - 0.5 * e), r * (1.0 + 0.5 * e)])
     });
-    let left = rig.run(&WheelRadiusMismatch { wheel: Some(Wheel::Left) }, &[e], Readout::Instantaneous);
+    let left = rig.run(&WheelRadiusMismatch { wheel: Some(Wheel::Left), ..WheelRadiusMismatch::default() }, &[e], Readout::Instantaneous);
     let left = rig.difference(&left, |k| {
         let [l, r] = sides(&truth[k].1);
         back([l * (1.0 + e), r])
@@ -146,7 +146,7 @@ fn an_eccentric_wheel_ripples_once_a_turn() {
     let rig = rig();
     let truth = rig.truth(&[]);
     let (a, b, radius) = (0.03, -0.05, 0.093);
-    let run = rig.run(&WheelEccentricity { wheel: Some(Wheel::Right) }, &[a, b, radius], Readout::Instantaneous);
+    let run = rig.run(&WheelEccentricity { wheel: Some(Wheel::Right), ripple: Ripple::Reading }, &[a, b, radius], Readout::Instantaneous);
     // The recorded distance of the right wheel, by the trapezoidal rule.
     let s = rig.stretch();
     let mut distance = vec![0.0];
@@ -161,6 +161,32 @@ fn an_eccentric_wheel_ripples_once_a_turn() {
         [v + 0.5 * ripple, w + ripple / (2.0 * HALF_TRACK)]
     });
     assert!(error < 5e-5, "{error}");
+}
+
+#[test]
+fn a_wheel_off_its_axle_is_driven_unevenly_and_carries_weight() {
+    let rig = rig();
+    let effect = WheelEccentricity { wheel: Some(Wheel::Left), ripple: Ripple::Rolling };
+    let (a, b, c, d, ratio, radius) = (0.03, -0.05, 0.02, 0.07, 1.7, 0.093);
+    let row = rig.stretch().len() / 2;
+    let at = Instant {
+        time: rig.stretch().time[row],
+        span: 0.0,
+        row,
+        stretch: rig.stretch(),
+        track: &rig.scene.tracks[0],
+        scene: &rig.scene,
+        readout: Readout::Instantaneous,
+    };
+    let (v, w) = (0.35, -0.8);
+    let mut load = [0.0; 2];
+    effect.load(&[a, b, c, d, ratio, radius], &at, &[v, w], &[], &mut load);
+    let phase = rig.scene.tracks[0].distance[0][row] / radius;
+    // The loop keeps s (1 − ε) where it would keep s; the weight pushes the left wheel.
+    let driven = -(v - HALF_TRACK * w) * (a * phase.cos() + b * phase.sin());
+    let pushed = c * phase.cos() + d * phase.sin();
+    let wanted = [0.5 * (driven + pushed), -(driven + ratio * pushed) / (2.0 * HALF_TRACK)];
+    assert!((load[0] - wanted[0]).abs() < 1e-12 && (load[1] - wanted[1]).abs() < 1e-12, "{load:?} {wanted:?}");
 }
 
 #[test]

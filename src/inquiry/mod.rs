@@ -3,7 +3,7 @@
 mod simulation;
 
 use toml::{Table, Value};
-use wheelwright_core::channel::PHI;
+use wheelwright_core::channel::{Channel, OMEGA_LEFT, OMEGA_RIGHT, PHI};
 use wheelwright_core::config::nearest;
 use wheelwright_core::dataset::Dataset;
 use wheelwright_core::effect::Effect;
@@ -52,6 +52,31 @@ pub struct Part {
     pub data: Dataset,
     /// One vector a stretch \[rad\].
     pub headings: Option<Vec<Vec<f64>>>,
+    /// Rates of the left and the right wheel, a pair a stretch \[rad/s\].
+    pub wheel_rates: Option<Vec<[Vec<f64>; 2]>>,
+}
+
+/// What is recorded beside a model's channels, taken along as outputs so that it is cut where they are.
+#[derive(Debug, Clone, Copy)]
+struct Extras {
+    heading: bool,
+    wheel_rates: bool,
+}
+
+impl Extras {
+    /// What all recordings have, in each of their rows.
+    fn of(sources: &[Source]) -> Self {
+        let whole = |channel: &Channel| {
+            sources.iter().all(|s| s.recording.column(&channel.name).is_ok_and(|values| values.iter().all(|x| x.is_finite())))
+        };
+        let heading = sources.iter().all(|s| s.recording.column(&PHI.name).is_ok());
+        Self { heading, wheel_rates: whole(&OMEGA_LEFT) && whole(&OMEGA_RIGHT) }
+    }
+
+    fn channels(self) -> Vec<Channel> {
+        let rates = self.wheel_rates.then_some([OMEGA_LEFT, OMEGA_RIGHT]);
+        self.heading.then_some(PHI).into_iter().chain(rates.into_iter().flatten()).collect()
+    }
 }
 
 impl Inquiry {
@@ -98,6 +123,7 @@ impl Inquiry {
             fixed: self.fixed,
             held_out: held_out.map(|p| &p.data),
             training_headings: training.headings.clone(),
+            training_wheel_rates: training.wheel_rates.clone(),
             held_out_headings: held_out.and_then(|p| p.headings.clone()),
             track_width: self.robot.as_ref().map(|r| r.track_width),
             wheel_radius: self.robot.as_ref().map(|r| r.wheel_radius),
@@ -111,8 +137,8 @@ impl Inquiry {
 
     /// The model's channels of several recordings, and headings if each of them has `phi`.
     fn part(&self, sources: &[Source], validates: bool) -> Result<Part, Error> {
-        let with_heading = sources.iter().all(|s| s.recording.column(&PHI.name).is_ok());
-        let outputs: Vec<_> = self.model.outputs().iter().cloned().chain(with_heading.then_some(PHI)).collect();
+        let extras = Extras::of(sources);
+        let outputs: Vec<_> = self.model.outputs().iter().cloned().chain(extras.channels()).collect();
         let mut data = Dataset { inputs: self.model.inputs().to_vec(), outputs: outputs.clone(), stretches: Vec::new() };
         for source in sources {
             let selected = Dataset::select(&source.recording, self.model.inputs(), &outputs);
@@ -126,33 +152,42 @@ impl Inquiry {
             let what = if validates { "the recordings to validate on hold" } else { "the recordings hold" };
             return Err(Error::TooLittle(format!("{what} no segment of two rows or more: nothing can be simulated")));
         }
-        Ok(Part::new(data, with_heading))
+        Ok(Part::new(data, extras))
     }
 }
 
 impl Part {
-    /// Takes the headings off the outputs, if they are their last column.
-    fn new(mut data: Dataset, with_heading: bool) -> Self {
-        if !with_heading {
-            return Self { data, headings: None };
+    /// Takes what is beside the model's channels off the outputs, where it stands last.
+    fn new(mut data: Dataset, extras: Extras) -> Self {
+        data.outputs.truncate(data.outputs.len() - extras.channels().len());
+        let last = |stretch: &mut wheelwright_core::Stretch| stretch.outputs.pop().unwrap_or_default();
+        let mut wheel_rates = extras.wheel_rates.then(Vec::new);
+        let mut headings = extras.heading.then(Vec::new);
+        for stretch in &mut data.stretches {
+            if let Some(rates) = &mut wheel_rates {
+                let right = last(stretch);
+                rates.push([last(stretch), right]);
+            }
+            if let Some(headings) = &mut headings {
+                headings.push(last(stretch));
+            }
         }
-        data.outputs.pop();
-        let headings = data.stretches.iter_mut().map(|s| s.outputs.pop().unwrap_or_default()).collect();
-        Self { data, headings: Some(headings) }
+        Self { data, headings, wheel_rates }
     }
 
-    /// Cuts both data and headings.
+    /// Cuts all of it.
     fn hold_out(self, share: f64) -> (Self, Self) {
-        let Self { mut data, headings } = self;
-        let with_heading = headings.is_some();
+        let Self { mut data, headings, wheel_rates } = self;
+        let extras = Extras { heading: headings.is_some(), wheel_rates: wheel_rates.is_some() };
+        data.outputs.extend(extras.channels());
         for (stretch, heading) in data.stretches.iter_mut().zip(headings.into_iter().flatten()) {
             stretch.outputs.push(heading);
         }
-        if with_heading {
-            data.outputs.push(PHI);
+        for (stretch, rates) in data.stretches.iter_mut().zip(wheel_rates.into_iter().flatten()) {
+            stretch.outputs.extend(rates);
         }
         let (kept, held) = data.hold_out(share);
-        (Self::new(kept, with_heading), Self::new(held, with_heading))
+        (Self::new(kept, extras), Self::new(held, extras))
     }
 }
 

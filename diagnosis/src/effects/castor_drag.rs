@@ -1,30 +1,62 @@
-//! A castor is dragged along: its rolling resistance F acts along its own direction, which follows the motion with a delay.
+//! A castor is dragged along: its rolling resistance acts along its own direction, which follows the motion with a delay.
 //!
-//! The castor is pivoted a distance d behind the axle and trails its pivot by l. With δ its direction seen from the robot, rolling
+//! `swivel`: the castor is pivoted a distance d behind the axle and trails its pivot by l. With δ its direction seen from the robot, rolling
 //! without sliding sideways gives
 //!
-//! δ' = −(v sin δ + d ω cos δ)/l − ω,   it rolls at v cos δ − d ω sin δ,
+//! δ' = −(v sin δ + d ω cos δ)/l − ω,   it rolls at v cos δ − d ω sin δ.
 //!
-//! and the body feels F sgn(roll) cos δ against forward motion and (ρ d/h²) F sgn(roll) sin δ with turning. A stretch begins with
-//! the castor as steady motion at the first velocities would have it, and straight from rest.
+//! Its wheel resists rolling with a force F and its pivot swivelling with a moment S sgn δ' + D δ', of dry friction and of grease. By
+//! virtual power the body feels F sgn(roll) ∂roll/∂v + (S sgn δ' + D δ') ∂δ'/∂v against forward motion and ρ/h² times the same with ∂/∂ω
+//! against turning: the moment at the pivot is held by a force of the ground across the wheel. A stretch begins with the castor as steady
+//! motion at the first velocities would have it, and straight from rest.
+//!
+//! `ball`: a ball or a pad that does not roll slides at (v, −d ω) and feels F against that: F v/√(v² + d² ω²) against forward motion and
+//! (ρ d²/h²) F ω/√(v² + d² ω²) against turning.
 
 use serde::{Deserialize, Serialize};
 use wheelwright_core::Effect;
 use wheelwright_core::effect::{Confusion, EffectParameter, Estimate, Instant, Scene, Stage, Start};
 
 use super::force;
-use super::words::{quantity, smooth_sign};
+use super::words::{KINK, quantity, smooth_sign};
+
+/// What kind of castor drags.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum CastorKind {
+    /// A wheel in a fork that swings round.
+    #[default]
+    Swivel,
+    /// A ball or a pad that slides.
+    Ball,
+}
 
 /// Drag of a castor.
 #[derive(Debug, Clone, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct CastorDrag {}
+pub struct CastorDrag {
+    /// What kind of castor drags. Default `swivel`.
+    #[serde(default)]
+    pub kind: CastorKind,
+}
 
-/// Places of the parameters.
+/// Places of the parameters, of a ball and of a swivelling castor.
 const DRAG: usize = 0;
-const TRAIL: usize = 1;
-const DISTANCE: usize = 2;
-const RATIO: usize = 3;
+const DISTANCE: usize = 1;
+const TRAIL: usize = 2;
+const SWIVEL: usize = 3;
+const DAMPING: usize = 4;
+const RATIO: usize = 5;
+
+impl CastorDrag {
+    /// Number of its parameters but for the turning ratio, which stands last.
+    fn own(&self) -> usize {
+        match self.kind {
+            CastorKind::Swivel => 5,
+            CastorKind::Ball => 2,
+        }
+    }
+}
 
 #[typetag::serde(name = "castor_drag")]
 impl Effect for CastorDrag {
@@ -33,7 +65,10 @@ impl Effect for CastorDrag {
     }
 
     fn about(&self) -> String {
-        "the drag of a castor that swings round behind its pivot".to_owned()
+        match self.kind {
+            CastorKind::Swivel => "the drag of a castor that swings round behind its pivot".to_owned(),
+            CastorKind::Ball => "the drag of a castor that slides, such as a ball".to_owned(),
+        }
     }
 
     fn stage(&self) -> Stage {
@@ -47,28 +82,60 @@ impl Effect for CastorDrag {
     fn parameters(&self, scene: &Scene) -> Vec<EffectParameter> {
         let h = scene.frame.half_track();
         let mut all = force::sizes(scene, "drag");
-        all.push(EffectParameter::new("trail", "m", (0.05 * h, 2.0 * h), 0.1 * h));
-        all.push(EffectParameter::new("distance", "m", (-3.0 * h, 3.0 * h), 0.2 * h));
+        match self.kind {
+            CastorKind::Swivel => {
+                all.push(EffectParameter::new("distance", "m", (-3.0 * h, 3.0 * h), 0.2 * h));
+                all.push(EffectParameter::new("trail", "m", (0.02 * h, 2.0 * h), 0.1 * h));
+                let units = if force::unit(scene) == "V" { ["V m", "V m s"] } else { ["m2/s", "m2"] };
+                let moment = 0.005 * h * force::command(scene, 0);
+                let of = |name: &str, unit: &str, size: f64| EffectParameter::new(name, unit, (0.0, f64::INFINITY), size).neutral(0.0);
+                all.push(of("swivel_friction", units[0], moment));
+                all.push(of("swivel_damping", units[1], moment * h / scene.scales.speed));
+            }
+            // Ahead or behind is one to a ball.
+            CastorKind::Ball => all.push(EffectParameter::new("distance", "m", (0.05 * h, 3.0 * h), 0.2 * h)),
+        }
         all.extend(force::turning_ratio(scene));
         all
     }
 
     fn starts(&self, scene: &Scene) -> Vec<Start> {
         let (h, drag) = (scene.frame.half_track(), 0.05 * force::command(scene, 0));
-        let from = |(l, d): (f64, f64)| force::starts(scene, &[drag, l * h, d * h], &[vec![DRAG]]);
-        [(0.18, 0.8), (0.18, 1.3), (0.4, 0.8), (0.4, 1.3), (0.28, -1.1)].into_iter().flat_map(from).collect()
+        match self.kind {
+            CastorKind::Swivel => {
+                let all = self.parameters(scene);
+                let from = |(l, d): (f64, f64)| Start {
+                    values: [drag, d * h, l * h, all[SWIVEL].scale, all[DAMPING].scale]
+                        .into_iter()
+                        .chain(all.get(RATIO).map(|_| 1.0))
+                        .collect(),
+                    columns: vec![vec![DRAG], vec![SWIVEL], vec![DAMPING]],
+                    linear: true,
+                };
+                [(0.08, 1.5), (0.18, 0.9), (0.18, 1.4), (0.4, 0.8), (0.4, 1.3), (0.2, -1.1)].map(from).into()
+            }
+            CastorKind::Ball => [0.8, 1.4].into_iter().flat_map(|d| force::starts(scene, &[drag, d * h], &[vec![DRAG]])).collect(),
+        }
     }
 
     fn statement(&self, values: &[Estimate], scene: &Scene) -> String {
         let distance = values[DISTANCE];
         let place = if distance.value < 0.0 { "ahead of" } else { "behind" };
         let away = super::words::scaled(distance, |d| d * distance.value.signum());
-        format!(
-            "a castor {} {place} the axle, trailing its pivot by {}, drags: rolling it along uses up {}; the model had no castor",
-            quantity(away, "m"),
-            quantity(values[TRAIL], "m"),
-            force::in_words(values[DRAG], scene),
-        )
+        match self.kind {
+            CastorKind::Swivel => format!(
+                "a castor {} {place} the axle, trailing its pivot by {}, drags: rolling it along uses up {}, and its pivot {}; the model had no castor",
+                quantity(away, "m"),
+                quantity(values[TRAIL], "m"),
+                force::in_words(values[DRAG], scene),
+                if values[SWIVEL].value + values[DAMPING].value > 0.0 { "resists swivelling" } else { "swivels freely" },
+            ),
+            CastorKind::Ball => format!(
+                "a castor that slides {} away from the axle drags: it uses up {}; the model had no castor",
+                quantity(distance, "m"),
+                force::in_words(values[DRAG], scene),
+            ),
+        }
     }
 
     fn excitation(&self) -> &'static str {
@@ -89,10 +156,16 @@ impl Effect for CastorDrag {
 
     /// cos δ/2 and sin δ/2, in which the swinging round is linear, and the outputs before.
     fn states(&self, _scene: &Scene) -> usize {
-        4
+        match self.kind {
+            CastorKind::Swivel => 4,
+            CastorKind::Ball => 0,
+        }
     }
 
     fn begin(&self, p: &[f64], at: &Instant<'_>, _inputs: &[f64], outputs: &[f64], state: &mut [f64]) {
+        if self.kind == CastorKind::Ball {
+            return;
+        }
         let [v, w] = at.scene.frame.body(outputs);
         let across = p[DISTANCE] * w;
         let pivot = v.hypot(across);
@@ -105,15 +178,34 @@ impl Effect for CastorDrag {
     fn load(&self, p: &[f64], at: &Instant<'_>, outputs: &[f64], state: &[f64], load: &mut [f64]) {
         let (scene, h) = (at.scene, at.scene.frame.half_track());
         let [v, w] = scene.frame.body(outputs);
-        let (cos, sin) = (state[0] * state[0] - state[1] * state[1], 2.0 * state[0] * state[1]);
-        let drag = p[DRAG] * smooth_sign(v * cos - p[DISTANCE] * w * sin, scene.scales.speed);
-        let lever = p.get(RATIO).copied().unwrap_or(1.0) * p[DISTANCE] / (h * h);
-        scene.frame.add_at_body([drag * cos, -lever * drag * sin], load);
+        let (typical, distance) = (scene.scales.speed, p[DISTANCE]);
+        let [forward, turn] = match self.kind {
+            CastorKind::Swivel => {
+                let (cos, sin) = (state[0] * state[0] - state[1] * state[1], 2.0 * state[0] * state[1]);
+                let drag = p[DRAG] * smooth_sign(v * cos - distance * w * sin, typical);
+                // ∂δ'/∂v and ∂δ'/∂ω times the trail: what the trailing wheel sweeps.
+                let (by_v, by_w) = (-sin, -(distance * cos + p[TRAIL]));
+                let sweep = by_v * v + by_w * w;
+                let across = (p[SWIVEL] * smooth_sign(sweep, typical) + p[DAMPING] * sweep / p[TRAIL]) / p[TRAIL];
+                [drag * cos + across * by_v, -drag * distance * sin + across * by_w]
+            }
+            CastorKind::Ball => {
+                let sideways = distance * w;
+                // A smooth direction, as the sign of other frictions.
+                let slide = v.hypot(sideways).hypot(KINK * typical);
+                [p[DRAG] * v / slide, p[DRAG] * distance * sideways / slide]
+            }
+        };
+        let ratio = p.get(self.own()).copied().unwrap_or(1.0);
+        scene.frame.add_at_body([forward, ratio / (h * h) * turn], load);
     }
 
     /// δ' = A sin δ + B cos δ + C turns (cos δ/2, sin δ/2) by y' = M y/2 with M = [−A, B − C; B + C, A] and M² = (A² + B² − C²) I, at
     /// velocities in the middle of the span.
     fn advance(&self, p: &[f64], at: &Instant<'_>, outputs: &[f64], _drive: &[f64], state: &mut [f64]) {
+        if self.kind == CastorKind::Ball {
+            return;
+        }
         let middle = [0.5 * (state[2] + outputs[0]), 0.5 * (state[3] + outputs[1])];
         state[2..4].copy_from_slice(&outputs[..2]);
         let [v, w] = at.scene.frame.body(&middle);

@@ -3,7 +3,7 @@
 use std::fmt;
 
 use serde::{Deserialize, Serialize};
-use wheelwright_core::effect::{EffectParameter, Estimate, Frame, Instant, Scene, Start};
+use wheelwright_core::effect::{EffectParameter, Estimate, Frame, Instant, Motion, Scene, Start};
 
 use super::words::{percent, quantity, smooth_sign};
 
@@ -103,6 +103,30 @@ pub(super) fn at_contacts(at: &Instant<'_>, outputs: &[f64], ratio: Option<&f64>
         for (i, (load, x)) in load.iter_mut().zip(outputs).enumerate() {
             *load += law(i, *x, smooth_sign(*x, scene.scales.outputs[i]));
         }
+    }
+}
+
+/// The least that coupling may leave of the determinant of the inertia, as a share: a rigid body's is positive.
+const LEAST: f64 = 0.05;
+
+/// θ1 and θ2: the forward and turning input that one unit of forward and turning acceleration needs.
+pub(super) fn inertia(frame: &Frame, motion: &Motion<'_>) -> [f64; 2] {
+    let needs = |of: [f64; 2]| {
+        let a = frame.from_body(of);
+        frame.body(&[motion.inertia[0] * a[0] + motion.inertia[1] * a[1], motion.inertia[2] * a[0] + motion.inertia[3] * a[1]])
+    };
+    [needs([1.0, 0.0])[0], needs([0.0, 1.0])[1]]
+}
+
+/// Couples forward and turning acceleration: θ1 v' − θ7 ω' and θ2 ω' − θ8 v' take what drives.
+pub(super) fn couple(frame: &Frame, motion: &Motion<'_>, th7: f64, th8: f64, drive: &mut [f64]) {
+    let [th1, th2] = inertia(frame, motion);
+    let share = (1.0 - th7 * th8 / (th1 * th2)).max(LEAST);
+    let [forward, turn] = frame.body(drive);
+    // [th1, −th7; −th8, th2] a = drive, seen again as what the model alone would need for a.
+    let changed = [(forward + th7 / th2 * turn) / share, (turn + th8 / th1 * forward) / share];
+    if changed.iter().all(|x| x.is_finite()) {
+        drive.copy_from_slice(&frame.from_body(changed));
     }
 }
 

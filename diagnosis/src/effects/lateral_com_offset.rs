@@ -19,9 +19,6 @@ use super::words::{quantity, scaled};
 #[serde(deny_unknown_fields)]
 pub struct LateralComOffset {}
 
-/// The least that coupling may leave of the determinant of the inertia, as a share: a rigid body's is positive.
-const LEAST: f64 = 0.05;
-
 #[typetag::serde(name = "lateral_com_offset")]
 impl Effect for LateralComOffset {
     fn name(&self) -> &str {
@@ -79,20 +76,8 @@ impl Effect for LateralComOffset {
 
     fn drive(&self, p: &[f64], at: &Instant<'_>, motion: &Motion<'_>, _state: &[f64], drive: &mut [f64]) {
         let (frame, h) = (&at.scene.frame, at.scene.frame.half_track());
-        // θ1 and θ2: the forward and turning input that one unit of forward and turning acceleration needs.
-        let needs = |of: [f64; 2]| {
-            let a = frame.from_body(of);
-            frame.body(&[motion.inertia[0] * a[0] + motion.inertia[1] * a[1], motion.inertia[2] * a[0] + motion.inertia[3] * a[1]])
-        };
-        let (th1, th2) = (needs([1.0, 0.0])[0], needs([0.0, 1.0])[1]);
-        let th7 = th1 * p[0];
+        let th7 = force::inertia(frame, motion)[0] * p[0];
         let th8 = p.get(1).copied().unwrap_or(1.0) * th7 / (h * h);
-        let share = (1.0 - th7 * th8 / (th1 * th2)).max(LEAST);
-        let [forward, turn] = frame.body(drive);
-        // [th1, −th7; −th8, th2] a = drive, seen again as what the model alone would need for a.
-        let changed = [(forward + th7 / th2 * turn) / share, (turn + th8 / th1 * forward) / share];
-        if changed.iter().all(|x| x.is_finite()) {
-            drive.copy_from_slice(&frame.from_body(changed));
-        }
+        force::couple(frame, motion, th7, th8, drive);
     }
 }

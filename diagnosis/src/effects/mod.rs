@@ -19,7 +19,7 @@
 //! | `timestamp_jitter` | measurement | the stamps are off by chance |
 //! | `torque_saturation` | dynamics | the drives' force is limited |
 //! | `backlash` | dynamics | play in the gears of both wheels |
-//! | `castor_drag` | dynamics | the drag of a castor that swings round |
+//! | `castor_drag` | dynamics | the drag of a castor that swings round or slides |
 //! | `coulomb_friction` | dynamics | dry friction of constant size at both wheels |
 //! | `coulomb_friction_one_wheel` | dynamics | dry friction at one wheel |
 //! | `direction_asymmetry` | dynamics | dry friction that differs forwards and backwards |
@@ -76,7 +76,7 @@ pub(crate) use words::digits;
 pub use actuator_lag::ActuatorLag;
 pub use backlash::Backlash;
 pub use battery_sag::BatterySag;
-pub use castor_drag::CastorDrag;
+pub use castor_drag::{CastorDrag, CastorKind};
 pub use command_delay::CommandDelay;
 pub use command_offset::CommandOffset;
 pub use coulomb_friction::CoulombFriction;
@@ -102,8 +102,8 @@ pub use track_width_error::TrackWidthError;
 pub use turning_scrub::{ScrubLaw, TurningScrub};
 pub use velocity_saturation::VelocitySaturation;
 pub use viscous_asymmetry::{Between, ViscousAsymmetry};
-pub use wheel_eccentricity::WheelEccentricity;
-pub use wheel_radius_mismatch::WheelRadiusMismatch;
+pub use wheel_eccentricity::{Ripple, WheelEccentricity};
+pub use wheel_radius_mismatch::{Speeds, WheelRadiusMismatch};
 pub use wheel_slip::{SlipLaw, WheelSlip};
 
 /// The built-in effects in the order in which they are tried; effects with a side or an axis stand once for each.
@@ -149,10 +149,12 @@ fn command_side() -> Vec<Box<dyn Effect>> {
 fn sensors() -> Vec<Box<dyn Effect>> {
     vec![
         Box::new(WheelRadiusMismatch::default()),
+        Box::new(WheelRadiusMismatch { speeds: Speeds::Ground, ..WheelRadiusMismatch::default() }),
         Box::new(TrackWidthError {}),
-        Box::new(WheelEccentricity { wheel: Some(Wheel::Left) }),
-        Box::new(WheelEccentricity { wheel: Some(Wheel::Right) }),
-        Box::new(WheelEccentricity::default()),
+        Box::new(WheelEccentricity { wheel: Some(Wheel::Left), ripple: Ripple::Reading }),
+        Box::new(WheelEccentricity { wheel: Some(Wheel::Right), ripple: Ripple::Reading }),
+        Box::new(WheelEccentricity { wheel: Some(Wheel::Left), ripple: Ripple::Rolling }),
+        Box::new(WheelEccentricity { wheel: Some(Wheel::Right), ripple: Ripple::Rolling }),
         Box::new(SensorDelay {}),
         Box::new(EncoderQuantisation::default()),
         Box::new(TimestampJitter::default()),
@@ -176,7 +178,8 @@ fn dynamics() -> Vec<Box<dyn Effect>> {
         Box::new(WheelSlip { law: SlipLaw::Grip }),
         Box::new(TurningScrub { law: ScrubLaw::Patch }),
         Box::new(TurningScrub { law: ScrubLaw::Understeer }),
-        Box::new(CastorDrag {}),
+        Box::new(CastorDrag { kind: CastorKind::Swivel }),
+        Box::new(CastorDrag { kind: CastorKind::Ball }),
         Box::new(Slope {}),
         Box::new(PayloadChange {}),
         Box::new(Backlash {}),

@@ -1,11 +1,29 @@
-//! A wheel that is not round, or not round its axle: the recorded speed s of it gains s (A cos φ + B sin φ), φ = distance / r.
+//! A wheel that is not round, or not round its axle: once a turn its radius is (1 + ε), ε = A cos φ + B sin φ, φ = distance / r.
+//!
+//! `reading`: the recorded speed s of the wheel gains s ε, and the robot moves as if nothing was: an encoder or an odometry that is off its
+//! centre, outside the loop.
+//!
+//! `rolling`: the wheel itself is, and the ground's own speed is recorded. A loop that keeps the wheel's rate drives the ground speed by
+//! s ε, which the robot's inertia follows as it follows a command: a load −s ε. The axle rises and falls with the radius, and the weight on
+//! the wheel pushes it once a turn: a load C cos φ + D sin φ, which counts in turning by the turning ratio.
 
 use serde::{Deserialize, Serialize};
 use wheelwright_core::Effect;
-use wheelwright_core::effect::{Confusion, EffectParameter, Estimate, Instant, Scene, Stage, Start};
+use wheelwright_core::effect::{Confusion, EffectParameter, Estimate, Frame, Instant, Scene, Stage, Start};
 
-use super::force::Wheel;
+use super::force::{self, Wheel};
 use super::words::{digits, quantity};
+
+/// Where the ripple comes in.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Ripple {
+    /// In what is recorded.
+    #[default]
+    Reading,
+    /// In how the wheel rolls.
+    Rolling,
+}
 
 /// A ripple of the recorded speed once a turn of the wheel, in proportion to speed.
 ///
@@ -19,6 +37,8 @@ pub struct WheelEccentricity {
     /// One wheel only.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub wheel: Option<Wheel>,
+    /// Where the ripple comes in. Default `reading`.
+    pub ripple: Ripple,
 }
 
 impl WheelEccentricity {
@@ -39,34 +59,76 @@ impl Effect for WheelEccentricity {
     }
 
     fn about(&self) -> String {
-        "a wheel's recorded speed ripples once a turn".to_owned()
+        match self.ripple {
+            Ripple::Reading => "a wheel's recorded speed ripples once a turn".to_owned(),
+            Ripple::Rolling => "a wheel that is not round drives unevenly, once a turn".to_owned(),
+        }
     }
 
     fn stage(&self) -> Stage {
-        Stage::Sensor
+        match self.ripple {
+            Ripple::Reading => Stage::Sensor,
+            Ripple::Rolling => Stage::Load,
+        }
+    }
+
+    /// A left wheel that is not round says nothing about the right one.
+    fn family(&self) -> &str {
+        match self.wheel {
+            None => "wheel_eccentricity",
+            Some(Wheel::Left) => "wheel_eccentricity_left",
+            Some(Wheel::Right) => "wheel_eccentricity_right",
+        }
     }
 
     fn inapplicable(&self, scene: &Scene) -> Option<String> {
-        super::force::needs_wheels(scene).or_else(|| {
-            scene.wheel_radius.is_none().then(|| "the wheels' radius is not known (`wheel_radius` in the robot's profile)".to_owned())
-        })
+        force::needs_wheels(scene)
+            .or_else(|| {
+                scene.wheel_radius.is_none().then(|| "the wheels' radius is not known (`wheel_radius` in the robot's profile)".to_owned())
+            })
+            .or_else(|| {
+                let looped = self.ripple == Ripple::Reading || matches!(scene.frame, Frame::Body { .. });
+                (!looped).then(|| "the robot is not commanded by velocities: no loop keeps a wheel's rate".to_owned())
+            })
     }
 
-    /// A and B of each wheel, and the radius.
+    /// A and B of each wheel, where it rolls C and D of each and the turning ratio, and the radius.
     fn parameters(&self, scene: &Scene) -> Vec<EffectParameter> {
         let amplitude =
             |name: &str, wheel: Wheel| EffectParameter::new(name, "1", (-0.5, 0.5), 0.02).neutral(0.0).of("wheel", wheel.word());
         let mut all: Vec<EffectParameter> = self.wheels().flat_map(|w| [amplitude("cosine", w), amplitude("sine", w)]).collect();
+        if self.ripple == Ripple::Rolling {
+            let weight = |name: &str, wheel: Wheel| {
+                let any = (f64::NEG_INFINITY, f64::INFINITY);
+                let size = 0.02 * force::command(scene, 0);
+                EffectParameter::new(name, force::unit(scene), any, size).neutral(0.0).of("wheel", wheel.word())
+            };
+            all.extend(self.wheels().flat_map(|w| [weight("weight_cosine", w), weight("weight_sine", w)]));
+            all.extend(force::turning_ratio(scene));
+        }
         let radius = scene.wheel_radius.unwrap_or(1.0);
         all.push(EffectParameter::new("radius", "m", ((1.0 - RADIUS) * radius, (1.0 + RADIUS) * radius), 0.002 * radius));
         all
     }
 
     fn starts(&self, scene: &Scene) -> Vec<Start> {
-        let (n, known) = (2 * self.wheels().count(), scene.wheel_radius.unwrap_or(1.0));
+        let all = self.parameters(scene);
+        let known = scene.wheel_radius.unwrap_or(1.0);
+        let free: Vec<usize> = (0..all.len()).filter(|i| all[*i].neutral.is_some()).collect();
         let at = |radius: f64| Start {
-            values: std::iter::repeat_n(0.02, n).chain([radius]).collect(),
-            columns: (0..n).map(|i| vec![i]).collect(),
+            values: all
+                .iter()
+                .map(|p| {
+                    if p.neutral.is_some() {
+                        p.scale
+                    } else if p.name == "radius" {
+                        radius
+                    } else {
+                        1.0
+                    }
+                })
+                .collect(),
+            columns: free.iter().map(|i| vec![*i]).collect(),
             linear: true,
         };
         // Nearest to the known radius first.
@@ -79,7 +141,12 @@ impl Effect for WheelEccentricity {
     fn statement(&self, values: &[Estimate], _scene: &Scene) -> String {
         let said = self.wheels().zip(values.chunks_exact(2)).map(|(wheel, pair)| {
             let size = pair[0].value.hypot(pair[1].value);
-            format!("the {} wheel's speed ripples by {} % once a turn", wheel.word(), digits(100.0 * size))
+            match self.ripple {
+                Ripple::Reading => format!("the {} wheel's speed ripples by {} % once a turn", wheel.word(), digits(100.0 * size)),
+                Ripple::Rolling => {
+                    format!("the {} wheel's radius varies by {} % either way once a turn", wheel.word(), digits(100.0 * size))
+                }
+            }
         });
         let radius = values.last().map_or(String::new(), |r| format!(" at a radius of {}", quantity(*r, "m")));
         format!("{}{radius}; the model's wheels were round", said.collect::<Vec<_>>().join(", "))
@@ -99,8 +166,30 @@ impl Effect for WheelEccentricity {
         ]
     }
 
+    fn load(&self, p: &[f64], at: &Instant<'_>, outputs: &[f64], _state: &[f64], load: &mut [f64]) {
+        let (frame, Some((radius, rest))) = (at.scene.frame, p.split_last()) else { return };
+        if self.ripple == Ripple::Reading {
+            return;
+        }
+        let (speeds, n) = (frame.wheels(outputs), self.wheels().count());
+        let (mut driven, mut pushed) = ([0.0; 2], [0.0; 2]);
+        for (i, wheel) in self.wheels().enumerate() {
+            let side = wheel.index();
+            let (sin, cos) = (at.distance(side) / radius).sin_cos();
+            let of = |k: usize| rest[k] * cos + rest[k + 1] * sin;
+            driven[side] = -speeds[side] * of(2 * i);
+            pushed[side] = of(2 * (n + i));
+        }
+        // What the loop is told is no force: it counts alike on both axes.
+        frame.add_at_wheels(driven, 1.0, load);
+        frame.add_at_wheels(pushed, rest.get(4 * n).copied().unwrap_or(1.0), load);
+    }
+
     fn measure(&self, p: &[f64], at: &Instant<'_>, _past: &dyn Fn(f64, &mut [f64]), _state: &mut [f64], outputs: &mut [f64]) {
         let (frame, Some((radius, amplitudes))) = (at.scene.frame, p.split_last()) else { return };
+        if self.ripple == Ripple::Rolling {
+            return;
+        }
         let speeds = frame.wheels(outputs);
         let mut ripple = [0.0; 2];
         for (wheel, pair) in self.wheels().zip(amplitudes.chunks_exact(2)) {

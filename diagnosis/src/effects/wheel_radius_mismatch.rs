@@ -1,29 +1,53 @@
-//! Odometry counts with wrong radii: the recorded ground speed of a wheel is (1 + e) times the true one.
+//! The wheels' radii are not those that are reckoned with: a recorded ground speed of a wheel is (1 + e) times another one.
+//!
+//! Which other one depends on where the speeds come from. With E = (e/2) [0, h; 1/h, 0], the coupling of forward and angular motion by
+//! radii that are e/2 too large on the right and as much too small on the left, and ρ the turning ratio:
+//!
+//! * `reading`: y = (I + E) x, and the robot moves as if nothing was: the readout alone is wrong.
+//! * `ground`: the robot's own motion is recorded, and loops on the wheels keep rates that they take for x − E x. By virtual power their drive
+//!   D and all that the wheels' bearings use up become (I − E') (u − used up) + E · used up, E' = (e/2) [0, h/ρ; ρ/h, 0].
+//! * `encoders`: what the loops keep is recorded, and the robot moves at x − E x. The loops see nothing; the inertia couples the axes:
+//!   θ7 = (e/2) h (θ1 + θ2/ρ) and θ8 = (e/2) (ρ θ1 + θ2)/h, to the letter what a centre of mass to one side does (`lateral_com_offset`).
+//!   Only a measured pose tells the two apart, so that this one is never tried without.
 
 use serde::{Deserialize, Serialize};
 use wheelwright_core::Effect;
-use wheelwright_core::effect::{Confusion, EffectParameter, Estimate, Instant, Scene, Stage, Start};
+use wheelwright_core::effect::{Confusion, EffectParameter, Estimate, Frame, Instant, Motion, Scene, Stage, Start};
 
-use super::force::Wheel;
+use super::force::{self, Wheel};
 use super::words::{digits, quantity, scaled};
 
-/// Wheels whose radii are not those that the odometry reckons with, and unequal.
+/// Where the recorded speeds come from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Speeds {
+    /// A readout beside the loops.
+    #[default]
+    Reading,
+    /// The robot's own motion.
+    Ground,
+    /// The encoders that the loops keep.
+    Encoders,
+}
+
+/// Wheels whose radii are not those that are reckoned with, and unequal.
 ///
 /// By default the right wheel's speed is recorded (1 + e/2) times and the left one's (1 − e/2) times: an error that both wheels
 /// share scales all outputs, and the parameters of a model scale with it (θ1, θ2, θ4, θ6 by 1/(1 + e), θ5 and θ3 by its square for
 /// `vw-pd`), so that nothing is left to see. For the same reason which wheel is wrong cannot be told: an error of the
-/// right wheel alone is, to first order, half of it shared and half of it opposed. With `wheel` the error is that of one wheel, for
-/// simulating a known one.
-///
-/// On a robot whose loops are closed on encoders the same wrong radius is in the loop, and the recorded speeds are right by its own
-/// measure: then the error shows in the pose alone. It shows here where the speeds come from another sensor than the one that
-/// commands are compared with, or where there is no such loop.
+/// right wheel alone is, to first order, half of it shared and half of it opposed. With `wheel` the error of a reading is that of one
+/// wheel, for simulating a known one.
 #[derive(Debug, Clone, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct WheelRadiusMismatch {
     /// One wheel only.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub wheel: Option<Wheel>,
+    /// Where the recorded speeds come from. Default `reading`.
+    pub speeds: Speeds,
+    /// What a measurement beside the model's channels says of the error: bounds of its parameter.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub between: Option<(f64, f64)>,
 }
 
 #[typetag::serde(name = "wheel_radius_mismatch")]
@@ -37,23 +61,33 @@ impl Effect for WheelRadiusMismatch {
     }
 
     fn stage(&self) -> Stage {
-        Stage::Sensor
+        match self.speeds {
+            Speeds::Reading => Stage::Sensor,
+            _ => Stage::Drive,
+        }
     }
 
     fn inapplicable(&self, scene: &Scene) -> Option<String> {
-        super::force::needs_wheels(scene)
+        force::needs_wheels(scene).or_else(|| {
+            let looped = self.speeds == Speeds::Reading || matches!(scene.frame, Frame::Body { .. });
+            (!looped).then(|| "the robot is not commanded by velocities: no loop keeps a wheel's rate".to_owned())
+        })
     }
 
-    fn parameters(&self, _scene: &Scene) -> Vec<EffectParameter> {
-        let error = EffectParameter::new("mismatch", "1", (-0.5, 0.5), 0.02).neutral(0.0);
-        vec![match self.wheel {
+    fn parameters(&self, scene: &Scene) -> Vec<EffectParameter> {
+        let error = EffectParameter::new("mismatch", "1", self.between.unwrap_or((-0.5, 0.5)), 0.02).neutral(0.0);
+        let error = match self.wheel {
             Some(wheel) => error.of("wheel", wheel.word()),
             None => error,
-        }]
+        };
+        let ratio = force::turning_ratio(scene).filter(|_| self.speeds != Speeds::Reading);
+        std::iter::once(error).chain(ratio).collect()
     }
 
-    fn starts(&self, _scene: &Scene) -> Vec<Start> {
-        vec![Start { values: vec![0.02], columns: vec![vec![0]], linear: true }]
+    fn starts(&self, scene: &Scene) -> Vec<Start> {
+        let size = self.between.map_or(0.02, |(low, high)| 0.5 * (low + high));
+        let values = self.parameters(scene).iter().map(|p| if p.neutral.is_some() { size } else { 1.0 }).collect();
+        vec![Start { values, columns: vec![vec![0]], linear: true }]
     }
 
     fn statement(&self, values: &[Estimate], _scene: &Scene) -> String {
@@ -91,7 +125,29 @@ impl Effect for WheelRadiusMismatch {
         ]
     }
 
+    fn drive(&self, p: &[f64], at: &Instant<'_>, motion: &Motion<'_>, _state: &[f64], drive: &mut [f64]) {
+        let (frame, h, ratio) = (&at.scene.frame, at.scene.frame.half_track(), p.get(1).copied().unwrap_or(1.0));
+        let half = 0.5 * p[0];
+        match self.speeds {
+            Speeds::Reading => {}
+            Speeds::Ground => {
+                let pushes = frame.body(drive);
+                let used = frame.body(&[motion.u[0] - drive[0], motion.u[1] - drive[1]]);
+                let seen = [half * h * used[1], half / h * used[0]];
+                let taken = [half * h / ratio * pushes[1], half * ratio / h * pushes[0]];
+                drive.copy_from_slice(&frame.from_body([0, 1].map(|i| pushes[i] + seen[i] - taken[i])));
+            }
+            Speeds::Encoders => {
+                let [th1, th2] = force::inertia(frame, motion);
+                force::couple(frame, motion, half * h * (th1 + th2 / ratio), half * (ratio * th1 + th2) / h, drive);
+            }
+        }
+    }
+
     fn measure(&self, p: &[f64], at: &Instant<'_>, _past: &dyn Fn(f64, &mut [f64]), _state: &mut [f64], outputs: &mut [f64]) {
+        if self.speeds != Speeds::Reading {
+            return;
+        }
         let errors = match self.wheel {
             None => [-0.5 * p[0], 0.5 * p[0]],
             Some(wheel) => std::array::from_fn(|side| if side == wheel.index() { p[0] } else { 0.0 }),

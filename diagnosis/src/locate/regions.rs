@@ -1,19 +1,27 @@
 //! Regions of state that hold more of the misfit than of the time.
 //!
-//! Along each quantity the samples are sorted into bins of equal count, and the run of bins is sought whose share p of the excess
-//! stands out most from its share e of the samples: the largest p ln(p/e) + (1 − p) ln((1 − p)/(1 − e)), a scan statistic.
+//! Of each output, the sixteenths of its range in which the misfit is at least twice as loud as on average and louder than the noise;
+//! neighbours are one region. Along every other quantity the samples are sorted into bins of equal count, and the run of bins is sought
+//! whose share p of the excess stands out most from its share e of the samples: the largest p ln(p/e) + (1 − p) ln((1 − p)/(1 − e)), a
+//! scan statistic. Of these the best is told, if it says clearly more than every region of an output does.
 
-use crate::comparison::Comparison;
+use crate::comparison::{Comparison, wrapped};
 use crate::finding::Region;
 
 use super::Excess;
 
-/// Bins of equal count along a quantity.
+/// Bins along a quantity.
 const BINS: usize = 16;
-/// A region is told if it holds this many times its share of the samples...
+/// A region of an output is so many times as loud as the average.
+const LOUD: f64 = 2.0;
+/// Samples of an output's bin that make a mean.
+const FEWEST: usize = 8;
+/// A region of another quantity is told if it holds this many times its share of the samples...
 const ENRICHED: f64 = 1.5;
 /// ... and this share of the excess.
 const NOTABLE: f64 = 0.25;
+/// So many times as distinct as an output's region must another quantity's be: commands and outputs go together.
+const CLEARLY: f64 = 2.0;
 /// Most regions told.
 const MOST: usize = 5;
 
@@ -37,9 +45,52 @@ pub(super) fn find(comparison: &Comparison<'_>, excess: &Excess) -> Vec<Region> 
     if total <= 0.0 || weights.len() < 4 * BINS {
         return Vec::new();
     }
-    let mut found: Vec<(f64, Region)> = quantities(comparison).iter().filter_map(|q| scan(q, &weights, total, excess.exact)).collect();
+    let quantities = quantities(comparison);
+    let is_output = |q: &&Quantity| comparison.data.outputs.iter().any(|c| c.name == q.name);
+    let mut found: Vec<(f64, Region)> = quantities.iter().filter(is_output).flat_map(|q| loud(q, &weights, total, excess.exact)).collect();
     found.sort_by(|a, b| b.0.total_cmp(&a.0));
-    found.into_iter().map(|(_, region)| region).take(MOST).collect()
+    found.truncate(MOST - 1);
+    let others = quantities.iter().filter(|q| !is_output(q)).filter_map(|q| scan(q, &weights, total, excess.exact));
+    let other = others.max_by(|a, b| a.0.total_cmp(&b.0));
+    let most = found.first().map_or(0.0, |f| f.0);
+    other.filter(|o| o.0 > CLEARLY * most).into_iter().chain(found).map(|(_, region)| region).collect()
+}
+
+/// Parts of an output's range in which the misfit is loud, with their distinctness.
+fn loud(quantity: &Quantity, weights: &[f64], total: f64, exact: bool) -> Vec<(f64, Region)> {
+    let n = weights.len();
+    let (low, high) = quantity.values.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), x| (a.min(*x), b.max(*x)));
+    let width = (high - low) / BINS as f64;
+    if width.is_nan() || width <= 0.0 {
+        return Vec::new();
+    }
+    let mut bins = [(0.0, 0_usize); BINS];
+    for (value, weight) in quantity.values.iter().zip(weights) {
+        let bin = &mut bins[(((value - low) / width) as usize).min(BINS - 1)];
+        bin.0 += weight;
+        bin.1 += 1;
+    }
+    let mean = total / n as f64;
+    let told = |(sum, count): &(f64, usize)| {
+        let own = sum / *count as f64;
+        *count >= FEWEST && own >= LOUD * mean && own > 1.0 && told(*sum, *count, exact)
+    };
+    let mut regions = Vec::new();
+    let mut from = 0;
+    while from < BINS {
+        let run = bins[from..].iter().take_while(|b| told(b)).count();
+        if run == 0 {
+            from += 1;
+            continue;
+        }
+        let (sum, count) = bins[from..from + run].iter().fold((0.0, 0), |(s, c), b| (s + b.0, c + b.1));
+        let (p, e) = ((sum / total).clamp(0.0, 1.0), count as f64 / n as f64);
+        let (start, end) = (low + width * from as f64, low + width * (from + run) as f64);
+        let words = words(quantity, start, end, (from == 0, from + run == BINS));
+        regions.push((divergence(p, e), Region { of: quantity.name.clone(), from: start, to: end, share: p, expected: e, words }));
+        from += run;
+    }
+    regions
 }
 
 /// What a misfit may depend on: commands, simulated outputs and their slopes, wheels, heading.
@@ -82,12 +133,6 @@ fn quantities(comparison: &Comparison<'_>) -> Vec<Quantity> {
         list.push(Quantity { name: "phi".to_owned(), unit: "rad".to_owned(), values });
     }
     list
-}
-
-/// An angle between −π and π.
-fn wrapped(angle: f64) -> f64 {
-    let turn = std::f64::consts::TAU;
-    angle - turn * (angle / turn).round()
 }
 
 /// The run of bins along a quantity in which the excess stands out most, with its distinctness.
