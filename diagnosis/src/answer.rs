@@ -26,7 +26,7 @@ pub(crate) const AMBIGUOUS: f64 = 6.0;
 /// How an effect says of another that no drive tells them apart.
 const ALWAYS: &str = "always";
 /// Rivals up to here are mentioned.
-const MENTIONED: f64 = 10.0;
+pub(crate) const MENTIONED: f64 = 10.0;
 
 /// A finished search.
 pub(crate) struct Story<'a> {
@@ -117,7 +117,7 @@ fn next_experiment(
 }
 
 /// θ and effects' values of a state.
-fn explanation<'a>(search: &Search<'a>, state: &State) -> Explanation<'a> {
+pub(crate) fn explanation<'a>(search: &Search<'a>, state: &State) -> Explanation<'a> {
     let free = search.setting.free();
     let x = &state.fit.point.x;
     Explanation { effects: search.effects(&state.effects), theta: search.setting.map.theta(&x[..free]), values: x[free..].to_vec() }
@@ -190,18 +190,20 @@ impl Proven {
 /// recording nobody knows whether what changed in time had happened before it, happens in it alike, or was yet to come: the likeliest
 /// of the three counts, for all effects together.
 fn clock(training: &Dataset, held: &Dataset, scene: &Scene, error: impl Fn(&Dataset, &Scene) -> f64) -> f64 {
+    let options = clocks(training, held);
+    let errors: Vec<f64> = options.iter().map(|by| if options.len() > 1 { error(&shifted(held, *by), scene) } else { 0.0 }).collect();
+    options[(0..options.len()).fold(0, |best, i| if errors[i] < errors[best] { i } else { best })]
+}
+
+/// By how much a held-out recording's clock may be off from that of the training data.
+pub(crate) fn clocks(training: &Dataset, held: &Dataset) -> Vec<f64> {
     let span = |d: &Dataset| {
         let first = d.stretches.iter().map(|s| s.time[0]).fold(f64::INFINITY, f64::min);
         let last = d.stretches.iter().map(|s| s.time[s.len() - 1]).fold(f64::NEG_INFINITY, f64::max);
         (first, last)
     };
     let ((first, last), (start, end)) = (span(training), span(held));
-    if start >= last || end <= first {
-        return 0.0;
-    }
-    let options = [0.0, last - start, first - end];
-    let errors = options.map(|by| error(&shifted(held, by), scene));
-    options[(0..3).fold(0, |best, i| if errors[i] < errors[best] { i } else { best })]
+    if start >= last || end <= first { vec![0.0] } else { vec![0.0, last - start, first - end] }
 }
 
 /// Held-out fit effect by effect.

@@ -12,6 +12,7 @@ use crate::fit::layout::Layout;
 use crate::fit::search::{Effort, Fit, evaluate, maximise};
 use crate::fit::setting::{Point, Runner, Setting};
 use crate::fit::whitening::Whitening;
+use crate::judge::judged;
 use crate::noise::Noise;
 use crate::question::{DiagnosisError, Question};
 use crate::screen::{Response, saturate};
@@ -61,7 +62,8 @@ pub fn diagnose(question: &Question<'_>) -> Result<Diagnosis, DiagnosisError> {
     let setting = setting(question, &data, &scene, Readout::Instantaneous);
     let Beside { radii, track } = Beside::of(question, &scene);
     let story = selected(setting, question, radii.as_ref())?;
-    let story = other_readout(story, question, &data, &scene, radii.as_ref())?;
+    let mut story = other_readout(story, question, &data, &scene, radii.as_ref())?;
+    story.selected = judged(question, &story.search, story.selected);
     tell(question, story, track, warnings)
 }
 

@@ -16,6 +16,7 @@ pub mod fit;
 #[cfg(test)]
 mod fixture;
 mod holdout;
+mod judge;
 pub mod locate;
 pub mod noise;
 mod question;

@@ -4,6 +4,8 @@
 //! projected on the complement of what the current model's parameters can do, it is held against the residual: with a free
 //! amplitude where the response is proportional to it, as it is where a kink makes its shape depend on its size.
 
+use std::sync::Arc;
+
 use nalgebra::{DMatrix, DVector};
 use wheelwright_core::effect::{Effect, EffectParameter, Start};
 use wheelwright_core::least_squares::{Limits, constrained_step};
@@ -16,6 +18,9 @@ use crate::fit::whitening::Whitening;
 /// A column that keeps less than this share of its length beside the model's own columns is theirs.
 const OWN: f64 = 1e-6;
 
+/// A column that several starts share.
+type Shared = Arc<Vec<f64>>;
+
 /// Raw secant responses of one effect at one start.
 #[derive(Debug, Clone)]
 pub(crate) struct Response {
@@ -23,8 +28,8 @@ pub(crate) struct Response {
     pub(crate) effect: usize,
     pub(crate) start: Start,
     pub(crate) parameters: Vec<EffectParameter>,
-    /// One a column of the start; zero where it could not be simulated.
-    pub(crate) columns: Vec<Vec<f64>>,
+    /// One a column of the start; zero where it could not be simulated. Starts of one effect whose column has the same values share it.
+    pub(crate) columns: Vec<Shared>,
 }
 
 /// A start for refinement with its linearised gain.
@@ -60,31 +65,42 @@ pub(crate) fn responses(current: &Current<'_, '_>, library: &[(usize, &dyn Effec
 /// Responses of one effect at some of its starts.
 pub(crate) fn responses_at(current: &Current<'_, '_>, index: usize, effect: &dyn Effect, starts: Vec<Start>) -> Vec<Response> {
     let parameters = effect.parameters(current.setting.scene);
-    let mut substeps = None;
-    starts.into_iter().filter_map(|start| respond(current, index, effect, &parameters, start, &mut substeps)).collect()
+    let mut known = Known::default();
+    starts.into_iter().filter_map(|start| respond(current, index, effect, &parameters, start, &mut known)).collect()
 }
 
-/// The responses of one start; the first start of an effect finds the step for all.
+/// What the first starts of an effect have found: the step for all, and columns by the values that made them.
+#[derive(Default)]
+struct Known {
+    substeps: Option<usize>,
+    columns: Vec<(Vec<f64>, Shared)>,
+}
+
+/// The responses of one start.
 fn respond(
     current: &Current<'_, '_>,
     index: usize,
     effect: &dyn Effect,
     parameters: &[EffectParameter],
     start: Start,
-    substeps: &mut Option<usize>,
+    known: &mut Known,
 ) -> Option<Response> {
     let Current { setting, effects, fit } = *current;
     let joined: Vec<&dyn Effect> = effects.iter().copied().chain(std::iter::once(effect)).collect();
     let mut columns = Vec::with_capacity(start.columns.len());
     let at = |values: &[f64]| Point { x: fit.point.x.iter().chain(values).copied().collect(), starts: fit.point.starts.clone() };
-    let mut runner = match *substeps {
+    let mut runner = match known.substeps {
         Some(substeps) => Runner::with_substeps(setting, &joined, &at(&start.values), substeps),
         None => Runner::new(setting, &joined, &at(&start.values)),
     }
     .ok()?;
-    *substeps = Some(runner.substeps());
+    known.substeps = Some(runner.substeps());
     for c in 0..start.columns.len() {
         let values = values_of(parameters, &start, &|other| if other == c { 1.0 } else { 0.0 });
+        if let Some((_, same)) = known.columns.iter().find(|(v, _)| *v == values) {
+            columns.push(Arc::clone(same));
+            continue;
+        }
         let mut column = vec![0.0; setting.layout.len()];
         let x: Vec<f64> = fit.point.x.iter().chain(&values).copied().collect();
         if runner.run(&x, &fit.point.starts, &mut column) {
@@ -92,6 +108,8 @@ fn respond(
         } else {
             column.fill(0.0);
         }
+        let column = Arc::new(column);
+        known.columns.push((values, Arc::clone(&column)));
         columns.push(column);
     }
     Some(Response { effect: index, start, parameters: parameters.to_vec(), columns })
@@ -116,6 +134,21 @@ fn values_of(parameters: &[EffectParameter], start: &Start, amplitude: &dyn Fn(u
         }
     }
     values
+}
+
+/// Projected columns of one effect by their raw ones: many starts share them.
+#[derive(Default)]
+pub(crate) struct Projected(Vec<(Shared, Option<Shared>)>);
+
+impl Projected {
+    fn of(&mut self, raw: &Shared, projection: &Projection<'_, '_>) -> Option<Shared> {
+        if let Some((_, own)) = self.0.iter().find(|(r, _)| Arc::ptr_eq(r, raw)) {
+            return own.clone();
+        }
+        let own = projection.own(raw).map(Arc::new);
+        self.0.push((Arc::clone(raw), own.clone()));
+        own
+    }
 }
 
 /// Residual and orthonormal columns of the current model, outputs weighted: what responses are projected with.
@@ -190,19 +223,17 @@ impl<'s, 'a> Projection<'s, 'a> {
         likelihood(&squares(left), rows) - likelihood(&squares(&self.residual), rows)
     }
 
-    /// The best candidate that a response makes.
-    pub(crate) fn candidate(&self, index: usize, response: &Response) -> Candidate {
-        let columns: Vec<Option<Vec<f64>>> = response.columns.iter().map(|c| self.own(c)).collect();
+    /// The best candidate that a response makes. `known` are the columns of the same effect that were projected already.
+    pub(crate) fn candidate(&self, index: usize, response: &Response, known: &mut Projected) -> Candidate {
+        let columns: Vec<Option<Shared>> = response.columns.iter().map(|c| known.of(c, self)).collect();
         let information = columns.iter().flatten().map(|c| dot(c, c)).sum();
         let shown: Vec<usize> = (0..columns.len()).filter(|c| columns[*c].is_some()).collect();
         let (amplitude, gain) = self.amplitudes(response, &columns, shown.clone());
         let mut best = (amplitude, gain);
         if !response.start.linear {
             let mut fixed = self.whole(&columns, &shown);
-            // A grid point counts as it is; a free amplitude between nothing and twice its size says that a neighbour fits.
-            if best.1 > fixed.1 && best.0.iter().all(|a| (0.0..=2.0).contains(a)) {
-                fixed.1 = best.1;
-            }
+            // A grid point counts as it is; a free amplitude says that a smaller or larger one would fit.
+            fixed.1 = fixed.1.max(best.1);
             best = fixed;
         }
         let (amplitude, gain) = best;
@@ -212,10 +243,10 @@ impl<'s, 'a> Projection<'s, 'a> {
     }
 
     /// Amplitudes by least squares, columns left out whose amplitude would lie beyond a bound.
-    fn amplitudes(&self, response: &Response, columns: &[Option<Vec<f64>>], mut shown: Vec<usize>) -> (Vec<f64>, f64) {
+    fn amplitudes(&self, response: &Response, columns: &[Option<Shared>], mut shown: Vec<usize>) -> (Vec<f64>, f64) {
         let mut amplitude = vec![0.0; columns.len()];
         while !shown.is_empty() {
-            let of: Vec<&[f64]> = shown.iter().filter_map(|c| columns[*c].as_deref()).collect();
+            let of: Vec<&[f64]> = shown.iter().filter_map(|c| columns[*c].as_deref().map(Vec::as_slice)).collect();
             let whole = std::iter::once(0..self.residual.len()).collect::<Vec<_>>();
             let inverse = Directions::of(&gram(&of, &whole, &[1.0])).inverse();
             let right = DVector::from_iterator(of.len(), of.iter().map(|c| dot(c, &self.residual)));
@@ -237,7 +268,7 @@ impl<'s, 'a> Projection<'s, 'a> {
     }
 
     /// Each column as it is or not at all, whichever leaves less.
-    fn whole(&self, columns: &[Option<Vec<f64>>], shown: &[usize]) -> (Vec<f64>, f64) {
+    fn whole(&self, columns: &[Option<Shared>], shown: &[usize]) -> (Vec<f64>, f64) {
         let mut amplitude = vec![0.0; columns.len()];
         let (mut left, mut best) = (self.residual.clone(), f64::NEG_INFINITY);
         let mut open: Vec<usize> = shown.to_vec();
@@ -267,7 +298,7 @@ impl<'s, 'a> Projection<'s, 'a> {
         let x = &self.fit.point.x;
         let mut left = self.fit.residual.clone();
         for (raw, a) in response.columns.iter().zip(amplitude).filter(|(_, a)| **a != 0.0) {
-            let mut column = raw.clone();
+            let mut column = raw.to_vec();
             self.whitening.apply(&mut column);
             add(&mut left, -a, &column);
         }
@@ -305,8 +336,13 @@ pub(crate) fn saturate(setting: &Setting<'_>, whitening: &Whitening, fit: &Fit, 
     let weights = fit.weights(setting);
     let rows = setting.layout.len();
     let mut all: Vec<Vec<f64>> = fit.columns.clone();
+    let mut seen: Vec<*const Vec<f64>> = Vec::new();
     for raw in responses.iter().flat_map(|r| &r.columns) {
-        let mut column = raw.clone();
+        if seen.contains(&Arc::as_ptr(raw)) {
+            continue;
+        }
+        seen.push(Arc::as_ptr(raw));
+        let mut column = raw.to_vec();
         whitening.apply(&mut column);
         all.push(column);
     }

@@ -3,7 +3,7 @@
 //! The score of an addition is the extended Bayesian information criterion (Chen and Chen, Biometrika 95, 2008):
 //! gain − df ln N − 2 ln(size of the library), the gain twice a log-likelihood under noise that is whitened, df by numerical rank.
 
-use wheelwright_core::effect::{Effect, EffectParameter};
+use wheelwright_core::effect::{Effect, EffectParameter, Stage};
 
 use crate::diagnose::Known;
 use crate::fit::Fitted;
@@ -14,18 +14,21 @@ use crate::fit::setting::{Point, Runner, Setting};
 use crate::fit::whitening::Whitening;
 use crate::noise::Noise;
 use crate::question::DiagnosisError;
-use crate::screen::{Candidate, Current, Projection, Response, responses, responses_at};
+use crate::screen::{Candidate, Current, Projected, Projection, Response, responses, responses_at};
 
 /// Most effects of one explanation.
 const MOST: usize = 3;
 /// Effects, and starts of each, that are simulated again beside the effects of a model.
 const RESIMULATED: (usize, usize) = (12, 3);
-/// Candidates that are refined after screening.
-const REFINED: usize = 6;
+/// Effects that enter the race after screening.
+const ENTRANTS: usize = 20;
+/// Rounds of the race: steps, and effects that go on after them. Six finish: the prototype of this method found the truth among so many
+/// always.
+const RACE: [(usize, usize); 2] = [(3, 10), (5, 6)];
+/// Variants of one effect that may go on together.
+const VARIANTS: usize = 2;
 /// Linearised gain below which no refinement makes evidence: a free parameter gains one by chance.
 const HOPELESS: f64 = 4.0;
-/// Share of the best linearised gain below which an effect is no contender.
-const CONTENDER: f64 = 0.1;
 /// Share of what the first effects explain that a further one must add: less is the imperfect form of the first.
 const SHARE: f64 = 0.02;
 /// What an exchange must gain, so that it is no toss of a coin.
@@ -92,6 +95,43 @@ pub(crate) struct Selected {
     pub(crate) ranking: Vec<(usize, f64)>,
 }
 
+/// An effect on its way to the end of its fit.
+struct Racing<'s, 'a> {
+    effect: usize,
+    name: &'a str,
+    runner: Runner<'s, 'a>,
+    fit: Fit,
+    /// Twice the log-likelihood less what the effect's parameters cost.
+    value: f64,
+}
+
+impl<'s, 'a> Racing<'s, 'a> {
+    fn new(search: &'s Search<'a>, effect: usize, runner: Runner<'s, 'a>, fit: Fit) -> Self {
+        let cost = search.effect(effect).parameters(search.setting.scene).len() as f64 * search.log_values();
+        let value = fit.likelihood(&search.setting) - cost;
+        Self { effect, name: search.effect(effect).name(), runner, fit, value }
+    }
+
+    /// The same some steps further.
+    fn on(self, search: &'s Search<'a>, whitening: &Whitening, effort: Effort) -> Self {
+        let Self { effect, mut runner, fit, .. } = self;
+        let fit = maximise(&search.setting, &mut runner, whitening, fit, effort, false);
+        Self::new(search, effect, runner, fit)
+    }
+}
+
+/// The first places, best first: each effect once, and not too many variants of one name.
+fn thinned<'s, 'a>(racing: Vec<Racing<'s, 'a>>, places: usize) -> Vec<Racing<'s, 'a>> {
+    let mut kept: Vec<Racing<'s, 'a>> = Vec::with_capacity(places);
+    for racer in racing {
+        let variants = kept.iter().filter(|k| k.name == racer.name).count();
+        if kept.len() < places && variants < VARIANTS && kept.iter().all(|k| k.effect != racer.effect) {
+            kept.push(racer);
+        }
+    }
+    kept
+}
+
 impl<'a> Search<'a> {
     /// ln N, N the values that are explained.
     pub(crate) fn log_values(&self) -> f64 {
@@ -150,8 +190,12 @@ impl<'a> Search<'a> {
         let projection = self.projection(state, whitening);
         let mut by_effect: Vec<Vec<Candidate>> = Vec::new();
         let families: Vec<&str> = state.effects.iter().map(|i| self.effect(*i).family()).collect();
+        let mut known = Projected::default();
         for (index, response) in responses.iter().enumerate().filter(|(_, r)| !families.contains(&self.effect(r.effect).family())) {
-            let candidate = projection.candidate(index, response);
+            if by_effect.last().is_none_or(|c| c[0].effect != response.effect) {
+                known = Projected::default();
+            }
+            let candidate = projection.candidate(index, response, &mut known);
             match by_effect.last_mut().filter(|c| c[0].effect == response.effect) {
                 Some(same) => same.push(candidate),
                 None => by_effect.push(vec![candidate]),
@@ -171,19 +215,33 @@ impl<'a> Search<'a> {
     }
 
     /// The most promising effects, fitted jointly with the model they join; best first.
+    ///
+    /// What a response far from the model promises is often not to be had: the base parameters would have to move too far for a
+    /// linear answer. So more effects than can be fitted to the end enter a race and are thinned out by the likelihood they have reached.
     pub(crate) fn refine(&self, state: &State, whitening: &Whitening, screened: &[Vec<Candidate>], responses: &[Response]) -> Vec<Refined> {
         let projection = self.projection(state, whitening);
         let rank = state.fit.rank(&self.setting);
         let before = state.fit.likelihood(&self.setting);
+        let closes = |c: &Vec<Candidate>| self.effect(c[0].effect).stage() == Stage::Loop;
+        let open = screened.iter().filter(|c| c[0].gain > HOPELESS && !closes(c)).take(ENTRANTS);
+        let entrants = open.chain(screened.iter().filter(|c| closes(c)));
+        let mut racing: Vec<Racing<'_, 'a>> =
+            entrants.flat_map(|candidates| self.enter(state, &projection, whitening, candidates, responses)).collect();
+        for (trials, places) in RACE {
+            let effort = Effort { trials, ..RANKING };
+            racing = racing.into_iter().map(|r| r.on(self, whitening, effort)).collect();
+            racing.sort_by(|a, b| b.value.total_cmp(&a.value));
+            racing = thinned(racing, places);
+        }
         let mut refined: Vec<Refined> = Vec::new();
-        let first = screened.first().map_or(0.0, |c| c[0].gain);
-        let worth = |c: &&Vec<Candidate>| c[0].gain > HOPELESS.max(CONTENDER * first);
-        for candidates in screened.iter().take(REFINED).filter(worth) {
+        for Racing { effect, mut runner, fit, .. } in racing {
             let target = refined.iter().map(|r| r.fit.likelihood(&self.setting)).fold(before, f64::max);
-            let Some(fit) = self.fit_candidate(state, &projection, whitening, candidates, responses, target) else { continue };
+            let effort = Effort { target, ..RANKING };
+            let fit = maximise(&self.setting, &mut runner, whitening, fit, effort, false);
+            let fit = self.detour(effect, &mut runner, whitening, fit, effort);
             let gain = fit.likelihood(&self.setting) - before;
             let freedom = fit.rank(&self.setting).saturating_sub(rank).max(1);
-            refined.push(Refined { effect: candidates[0].effect, fit, score: gain - self.penalty(freedom) });
+            refined.push(Refined { effect, fit, score: gain - self.penalty(freedom) });
         }
         refined.sort_by(|a, b| b.score.total_cmp(&a.score));
         // Among equals the library's order decides: the more common cause stands first.
@@ -193,42 +251,48 @@ impl<'a> Search<'a> {
         refined
     }
 
-    /// Fits from the better of an effect's two best starts.
-    /// Gives up where it cannot come near the likelihood `target`.
-    fn fit_candidate(
-        &self,
+    /// An effect at the better of its two best starts, and at the one that changes least: from there the way leads uphill, if slowly.
+    fn enter<'s>(
+        &'s self,
         state: &State,
         projection: &Projection<'_, '_>,
         whitening: &Whitening,
         candidates: &[Candidate],
         responses: &[Response],
-        target: f64,
-    ) -> Option<Fit> {
+    ) -> Vec<Racing<'s, 'a>> {
         let mut indices = state.effects.clone();
         indices.push(candidates[0].effect);
-        let mut best: Option<(Runner<'_, '_>, Fit)> = None;
-        for candidate in candidates.iter().take(2) {
-            let point = Point { x: projection.start(&responses[candidate.response], candidate), starts: state.fit.point.starts.clone() };
-            let known = best.as_ref().map(|(runner, _)| runner.substeps());
-            let effects = self.effects(&indices);
-            let runner = match known {
+        let effects = self.effects(&indices);
+        let gentle = candidates.iter().filter(|c| c.information > 0.0).min_by(|a, b| a.information.total_cmp(&b.information));
+        let mut substeps = None;
+        let mut at = |start: Vec<f64>| {
+            let point = Point { x: start, starts: state.fit.point.starts.clone() };
+            let mut runner = match substeps {
                 Some(substeps) => Runner::with_substeps(&self.setting, &effects, &point, substeps),
                 None => Runner::new(&self.setting, &effects, &point),
-            };
-            let Ok(mut runner) = runner else { continue };
-            let Some(fit) = evaluate(&self.setting, &mut runner, whitening, &point) else { continue };
-            if best.as_ref().is_none_or(|(_, b)| fit.likelihood(&self.setting) > b.likelihood(&self.setting)) {
-                best = Some((runner, fit));
             }
+            .ok()?;
+            substeps = Some(runner.substeps());
+            let fit = evaluate(&self.setting, &mut runner, whitening, &point)?;
+            Some(Racing::new(self, candidates[0].effect, runner, fit))
+        };
+        let bold = candidates.iter().take(2).filter_map(|c| at(projection.start(&responses[c.response], c)));
+        let bold = bold.reduce(|a, b| if b.value > a.value { b } else { a });
+        let gentle = gentle.and_then(|c| at([&state.fit.point.x[..], &responses[c.response].start.values].concat()));
+        if self.effect(candidates[0].effect).stage() == Stage::Loop {
+            // A loop changes what every parameter does: what is linear about the open one says nothing. It enters closed, all columns new.
+            let even = |c: &&Candidate| responses[c.response].start.values.windows(2).all(|w| w[0] == w[1]);
+            let closed = |c: &Candidate| at([&state.fit.point.x[..], &responses[c.response].start.values].concat());
+            return candidates.iter().filter(even).filter_map(closed).collect();
         }
-        let (mut runner, mut fit) = best?;
-        // The model's own columns are those it had without the effect until a step disappoints.
-        fit.columns = state.fit.columns.clone();
-        let (own, all) = (fit.columns.len(), fit.point.x.len());
-        linearise(&mut runner, whitening, &mut fit, own..all);
-        let effort = Effort { target, ..RANKING };
-        let fit = maximise(&self.setting, &mut runner, whitening, fit, effort, false);
-        Some(self.detour(candidates[0].effect, &mut runner, whitening, fit, effort))
+        let mut entered: Vec<Racing<'s, 'a>> = bold.into_iter().chain(gentle).collect();
+        for racing in &mut entered {
+            // The model's own columns are those it had without the effect until a step disappoints.
+            racing.fit.columns = state.fit.columns.clone();
+            let (own, all) = (racing.fit.columns.len(), racing.fit.point.x.len());
+            linearise(&mut racing.runner, whitening, &mut racing.fit, own..all);
+        }
+        entered
     }
 
     /// Looks at an effect's other values and goes on from the best of them as long as that leads anywhere.
@@ -264,7 +328,7 @@ impl<'a> Search<'a> {
     }
 
     /// A fit under another noise model.
-    fn under(&self, indices: &[usize], fit: &Fit, noise: &Noise, effort: Effort) -> Option<(Whitening, Fit)> {
+    pub(crate) fn under(&self, indices: &[usize], fit: &Fit, noise: &Noise, effort: Effort) -> Option<(Whitening, Fit)> {
         let mut runner = self.runner(indices, &fit.point)?;
         renew(&self.setting, &mut runner, noise.clone(), fit, effort)
     }
@@ -364,9 +428,29 @@ impl<'a> Search<'a> {
                 member = fixed;
                 continue;
             }
+            if let Some(next) = self.pruned(selected, &rest, present) {
+                *selected = next;
+                member = 0;
+                continue;
+            }
             selected.rivals.push(self.beside(&rest, &refined, selected.state.effects[member], present));
             member += 1;
         }
+    }
+
+    /// The selection without a member that the others have made superfluous: what it adds to them is not worth its parameters, or only the
+    /// imperfect form of theirs.
+    fn pruned(&self, selected: &Selected, rest: &State, present: f64) -> Option<Selected> {
+        if selected.state.effects.len() < 2 || rest.effects.is_empty() {
+            return None;
+        }
+        let explained = rest.fit.likelihood(&self.setting) - selected.base.likelihood(&self.setting);
+        if present > 0.0 && present >= SHARE * explained {
+            return None;
+        }
+        let (whitening, fit) = self.under(&rest.effects, &rest.fit, &selected.whitening.noise, FINAL)?;
+        let state = State { effects: rest.effects.clone(), fit };
+        Some(Selected { state, whitening, base: selected.base.clone(), rivals: Vec::new(), ranking: selected.ranking.clone() })
     }
 
     /// The model without a member, and what could take its place.

@@ -88,18 +88,28 @@ pub struct EffectParameter {
     pub neutral: Option<f64>,
     /// Side or axis: `("wheel", "left")`, `("axis", "omega")`.
     pub label: Option<(&'static str, String)>,
+    /// The value it has on most robots, and how far it usually is from it; `None` where any value within its bounds is as likely. It speaks
+    /// where the data do not: a shape that was never excited would otherwise be whatever the noise makes of it.
+    pub usual: Option<(f64, f64)>,
 }
 
 impl EffectParameter {
     /// A parameter without a neutral value or a label.
     pub fn new(name: &str, unit: &str, bounds: (f64, f64), scale: f64) -> Self {
-        Self { name: name.to_owned(), unit: unit.to_owned(), bounds, scale, neutral: None, label: None }
+        Self { name: name.to_owned(), unit: unit.to_owned(), bounds, scale, neutral: None, label: None, usual: None }
     }
 
     /// The same with the value at which it does nothing.
     #[must_use]
     pub fn neutral(mut self, value: f64) -> Self {
         self.neutral = Some(value);
+        self
+    }
+
+    /// The same with the value it usually has, and how far it is from it.
+    #[must_use]
+    pub fn usually(mut self, value: f64, spread: f64) -> Self {
+        self.usual = Some((value, spread));
         self
     }
 

@@ -7,6 +7,7 @@ use rand::SeedableRng;
 use rand::rngs::StdRng;
 use rand::seq::SliceRandom;
 
+use super::Jitter;
 use crate::comparison::{Comparison, blocks};
 
 /// Shuffles from which the largest block's distribution is taken.
@@ -25,8 +26,8 @@ pub struct Burst {
     pub excess: f64,
 }
 
-pub(super) fn find(comparison: &Comparison<'_>, seed: u64) -> Vec<Burst> {
-    let energy: Vec<f64> = squares(comparison);
+pub(super) fn find(comparison: &Comparison<'_>, seed: u64, jitter: Option<&Jitter>) -> Vec<Burst> {
+    let energy: Vec<f64> = squares(comparison, jitter);
     let ranges = comparison.ranges();
     let blocks: Vec<_> = blocks(comparison.data, 1.0)
         .into_iter()
@@ -75,7 +76,14 @@ pub(super) fn find(comparison: &Comparison<'_>, seed: u64) -> Vec<Burst> {
     bursts
 }
 
-/// Squared innovations summed over the outputs, a sample each.
-fn squares(comparison: &Comparison<'_>) -> Vec<f64> {
-    comparison.white.iter().flat_map(|s| (0..s[0].len()).map(|k| s.iter().map(|c| c[k] * c[k]).sum::<f64>())).collect()
+/// Squared innovations summed over the outputs, a sample each; scatter of jittering stamps brought back to its usual size.
+fn squares(comparison: &Comparison<'_>, jitter: Option<&Jitter>) -> Vec<f64> {
+    let mut sum = vec![0.0; comparison.data.samples()];
+    for output in 0..comparison.outputs() {
+        let weights = jitter.map(|j| j.weights(comparison, output));
+        for (k, x) in comparison.innovations(output).iter().enumerate() {
+            sum[k] += (x * weights.as_ref().map_or(1.0, |w| w[k])).powi(2);
+        }
+    }
+    sum
 }

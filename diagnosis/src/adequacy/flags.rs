@@ -1,11 +1,11 @@
 //! From what a fit leaves to flags that a verdict can weigh.
 
 use nalgebra::DMatrix;
-use wheelwright_core::effect::Scene;
+use wheelwright_core::effect::{Frame, Scene};
 use wheelwright_core::model::ModelError;
 use wheelwright_core::simulation::linear_part;
 
-use super::{Adequacy, examine, structure};
+use super::{Adequacy, Lattice, examine, structure};
 use crate::comparison::{Channels, Comparison};
 use crate::finding::Location;
 use crate::locate::locate;
@@ -72,6 +72,17 @@ pub fn review(
 /// Share of the noise's variance that rounding to a lattice, quantum²/12, must make before it counts as something left out.
 const QUANTISED: f64 = 0.1;
 
+/// Travel of a wheel between two counts: forward speed is the mean of two wheels' and so moves by half of it a sample, turning by its
+/// share of the track.
+fn travel(lattice: &Lattice, scene: &Scene) -> f64 {
+    let lever = match (scene.frame, lattice.output) {
+        (Frame::Body { .. }, 0) => 2.0,
+        (Frame::Body { half_track }, _) => 2.0 * half_track,
+        _ => 1.0,
+    };
+    lever * lattice.quantum * scene.scales.period
+}
+
 /// One flag a test that found something.
 fn flags(found: &Adequacy, comparison: &Comparison<'_>, explained: f64) -> Vec<Flag> {
     let sentences = found.sentences(comparison);
@@ -96,7 +107,7 @@ fn flags(found: &Adequacy, comparison: &Comparison<'_>, explained: f64) -> Vec<F
     for lattice in &found.lattices {
         // Counting that other noise covers is no physics that a simulation would miss.
         let share = (lattice.quantum / comparison.noise[lattice.output]).powi(2) / 12.0;
-        let effect = (share > QUANTISED).then(|| ("encoder_quantisation".to_owned(), vec![lattice.quantum]));
+        let effect = (share > QUANTISED).then(|| ("encoder_quantisation".to_owned(), vec![travel(lattice, comparison.scene)]));
         flag("value lattice", share, QUANTISED, None, effect);
     }
     all

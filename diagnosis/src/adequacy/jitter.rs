@@ -1,8 +1,13 @@
 //! Jitter of stamps: noise that grows with acceleration.
 //!
 //! A stamp that is wrong by ε moves a sample along the curve, y(t + ε) = y(t) + ẏ ε, so the residual's variance is s0² + σt² ẏ².
+//! Motion that the model misses grows with acceleration too, but goes on from one sample to the next, which stamps that are
+//! off by chance do not: products of neighbours are held against products of their slopes, and where they grow half as much as the squares
+//! it is no jitter. Nor can stamps that stand in order be off by more than their distance.
 
-use crate::comparison::Comparison;
+use wheelwright_core::Stretch;
+
+use crate::comparison::{Channels, Comparison};
 
 use super::bursts::FALSE_ALARM;
 
@@ -23,20 +28,25 @@ pub struct Jitter {
 pub(super) fn find(comparison: &Comparison<'_>) -> Option<Jitter> {
     let mut z = Vec::new();
     let (mut squares, mut slopes) = (Vec::new(), Vec::new());
+    let (mut products, mut pairs) = (Vec::new(), Vec::new());
     for output in 0..comparison.outputs() {
-        let slope: Vec<f64> = slopes_of(comparison, output).iter().map(|d| d * d).collect();
+        let plain = slopes_of(comparison, output);
+        let slope: Vec<f64> = plain.iter().map(|d| d * d).collect();
         let white: Vec<f64> = comparison.innovations(output).iter().map(|r| (r * r).min(CUT)).collect();
         z.push(correlation(&white, &slope) * (white.len() as f64).sqrt());
         let noise = comparison.noise[output];
-        let residual = comparison
-            .data
-            .stretches
-            .iter()
-            .zip(comparison.model)
-            .flat_map(|(s, run)| s.outputs[output].iter().zip(&run[output]).map(|(y, m)| y - m));
+        let pieces = comparison.data.stretches.iter().zip(comparison.model);
+        let left = |(s, run): (&Stretch, &Channels)| -> Vec<f64> {
+            s.outputs[output].iter().zip(&run[output]).map(|(y, m)| (y - m) / noise).collect()
+        };
+        let residual: Vec<f64> = pieces.flat_map(left).collect();
         // Both outputs speak of the same stamps: in units of their own noise they are one series.
-        squares.extend(residual.map(|r| (r / noise).powi(2)));
+        squares.extend(residual.iter().map(|r| r * r));
         slopes.extend(slope.iter().map(|s| s / (noise * noise)));
+        for range in comparison.ranges() {
+            products.extend(residual[range.clone()].windows(2).map(|w| w[0] * w[1]));
+            pairs.extend(plain[range].windows(2).map(|w| w[0] * w[1] / (noise * noise)));
+        }
     }
     let combined = z.iter().sum::<f64>() / (z.len() as f64).sqrt();
     let limit = statrs::distribution::ContinuousCDF::inverse_cdf(&statrs::distribution::Normal::standard(), 1.0 - FALSE_ALARM);
@@ -44,7 +54,13 @@ pub(super) fn find(comparison: &Comparison<'_>) -> Option<Jitter> {
         return None;
     }
     let (variance, error) = growth(&squares, &slopes)?;
-    (variance > 2.0 * error).then(|| Jitter { deviation: variance.sqrt(), error: error / (2.0 * variance.sqrt()), z: combined })
+    let chance = growth_of_neighbours(&products, &pairs, variance) < 0.5 * variance;
+    let orderly = variance < comparison.scene.scales.period.powi(2);
+    (variance > 2.0 * error && chance && orderly).then(|| Jitter {
+        deviation: variance.sqrt(),
+        error: error / (2.0 * variance.sqrt()),
+        z: combined,
+    })
 }
 
 /// Weighted regression of squares on slopes: variance a + b x has errors proportional to itself. (b, standard error)
@@ -71,6 +87,30 @@ fn growth(squares: &[f64], slopes: &[f64]) -> Option<(f64, f64)> {
         error = (s / determinant).sqrt();
     }
     Some((b, error))
+}
+
+/// Regression of products of neighbouring residuals on products of their slopes, each in units of its own variance under `growth`.
+fn growth_of_neighbours(products: &[f64], slopes: &[f64], growth: f64) -> f64 {
+    let (mut ww, mut wx, mut xx, mut wy, mut xy) = (0.0, 0.0, 0.0, 0.0, 0.0);
+    for (y, x) in products.iter().zip(slopes) {
+        let w = 1.0 / (1.0 + growth * x.abs());
+        let (y, x) = ((y * w).clamp(-CUT, CUT), x * w);
+        ww += w * w;
+        wx += w * x;
+        xx += x * x;
+        wy += w * y;
+        xy += x * y;
+    }
+    let determinant = ww * xx - wx * wx;
+    if determinant > 0.0 { (ww * xy - wx * wy) / determinant } else { 0.0 }
+}
+
+impl Jitter {
+    /// Factor of each row of an output that brings its innovation back to the size it has without jitter.
+    pub(super) fn weights(&self, comparison: &Comparison<'_>, output: usize) -> Vec<f64> {
+        let share = (self.deviation / comparison.noise[output]).powi(2);
+        slopes_of(comparison, output).iter().map(|d| 1.0 / (1.0 + share * d * d).sqrt()).collect()
+    }
 }
 
 /// Slope of the simulated output, by central differences within stretches.

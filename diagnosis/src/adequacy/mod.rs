@@ -35,11 +35,12 @@ pub struct Adequacy {
 
 /// Runs the tests. The same seed gives the same answer.
 pub fn examine(comparison: &Comparison<'_>, seed: u64) -> Adequacy {
+    let jitter = jitter::find(comparison);
     Adequacy {
-        structure: structure::measure(comparison),
-        bursts: bursts::find(comparison, seed),
+        structure: structure::measure(comparison, jitter.as_ref()),
+        bursts: bursts::find(comparison, seed, jitter.as_ref()),
         order: orders::find(comparison),
-        jitter: jitter::find(comparison),
+        jitter,
         lattices: lattice::find(comparison),
     }
 }

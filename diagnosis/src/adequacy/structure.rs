@@ -7,6 +7,7 @@
 use nalgebra::DMatrix;
 use wheelwright_core::Stretch;
 
+use super::Jitter;
 use crate::comparison::{Channels, Comparison};
 
 /// z above which something is left. The law of T is exact for known noise; with an autoregression estimated from the same
@@ -38,13 +39,13 @@ impl Structure {
 /// A group of features: what they have in common, and their series over one stretch.
 type Group = (&'static str, Vec<Vec<f64>>);
 
-pub(super) fn measure(comparison: &Comparison<'_>) -> Structure {
+pub(super) fn measure(comparison: &Comparison<'_>, jitter: Option<&Jitter>) -> Structure {
     let stretches = &comparison.data.stretches;
     let groups: Vec<Vec<Group>> = stretches.iter().enumerate().map(|(s, stretch)| features(comparison, s, stretch)).collect();
     let (mut energy, mut df, mut of) = (0.0, 0.0, Vec::<(&'static str, f64)>::new());
     let (mut worst, mut output) = (f64::NEG_INFINITY, 0);
     for i in 0..comparison.outputs() {
-        let own = output_energy(comparison, &groups, i);
+        let own = output_energy(comparison, &groups, i, jitter.map(|j| j.weights(comparison, i)));
         let (sum, count) = own.iter().fold((0.0, 0.0), |(e, d), (_, energy, count)| (e + energy, d + count));
         energy += sum;
         df += count;
@@ -63,7 +64,13 @@ pub(super) fn measure(comparison: &Comparison<'_>) -> Structure {
 }
 
 /// Energy of one output's whitened residual in each group of features, beyond the fit and the groups before: (group, energy, df).
-fn output_energy(comparison: &Comparison<'_>, groups: &[Vec<Group>], output: usize) -> Vec<(&'static str, f64, f64)> {
+/// Rows count by their weight: where stamps jitter, scatter is large where things change, which is no dependence on what changed.
+fn output_energy(
+    comparison: &Comparison<'_>,
+    groups: &[Vec<Group>],
+    output: usize,
+    weights: Option<Vec<f64>>,
+) -> Vec<(&'static str, f64, f64)> {
     let jacobian = &comparison.jacobian[output];
     let ranges = comparison.ranges();
     let count: usize = groups.first().map_or(0, |g| g.iter().map(|(_, f)| f.len()).sum());
@@ -77,13 +84,16 @@ fn output_energy(comparison: &Comparison<'_>, groups: &[Vec<Group>], output: usi
             matrix.view_mut((range.start, known + j), (range.len(), 1)).copy_from_slice(&response);
         }
     }
-    for mut column in matrix.column_iter_mut().skip(known) {
+    matrix.column_mut(known + count).copy_from_slice(&comparison.innovations(output));
+    if let Some(weights) = weights {
+        matrix.row_iter_mut().zip(weights).for_each(|(mut row, w)| row *= w);
+    }
+    for mut column in matrix.columns_mut(known, count).column_iter_mut() {
         let norm = column.norm();
         if norm > 0.0 {
             column /= norm;
         }
     }
-    matrix.column_mut(known + count).copy_from_slice(&comparison.innovations(output));
     let upper = matrix.qr().r();
     let last = upper.ncols() - 1;
     let mut row = known;

@@ -80,7 +80,7 @@ pub(super) fn sizes(scene: &Scene, name: &str) -> Vec<EffectParameter> {
 /// In the body frame the two axes have control loops of their own: the same force counts this many times as much in turning as it
 /// would if the loops were closed on the wheels.
 pub(super) fn turning_ratio(scene: &Scene) -> Option<EffectParameter> {
-    matches!(scene.frame, Frame::Body { .. }).then(|| EffectParameter::new("turning_ratio", "1", (0.2, 4.0), 0.3))
+    matches!(scene.frame, Frame::Body { .. }).then(|| EffectParameter::new("turning_ratio", "1", (0.2, 4.0), 0.3).usually(1.0, 1.0))
 }
 
 /// A start for each turning ratio worth trying, which is the last value if there is one; without, the start itself.

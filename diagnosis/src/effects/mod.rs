@@ -110,6 +110,8 @@ pub use wheel_slip::{SlipLaw, WheelSlip};
 pub fn library() -> Vec<Box<dyn Effect>> {
     let mut all = command_side();
     all.extend(dynamics());
+    // One that takes its width off every command is dry friction but for the moment of reversal: the more common cause first.
+    all.push(Box::new(DeadZone { subtracting: true, ..DeadZone::default() }));
     all.extend(sensors());
     // An offset says that something is off and not what: among equals it stands last.
     all.push(Box::new(CommandOffset {}));
@@ -127,7 +129,6 @@ fn command_side() -> Vec<Box<dyn Effect>> {
         Box::new(SlewLimit::default()),
         Box::new(SlewLimit { wheels: true, axis: None }),
         Box::new(DeadZone::default()),
-        Box::new(DeadZone { subtracting: true, ..DeadZone::default() }),
         Box::new(VelocitySaturation::default()),
         Box::new(TorqueSaturation {}),
         Box::new(GainAsymmetry {}),

@@ -42,12 +42,14 @@ pub(crate) struct Fit {
     pub(crate) columns: Vec<Vec<f64>>,
     /// Sum of squares of each output.
     pub(crate) squares: Vec<f64>,
+    /// Sum of squared distances of effects' parameters from what they usually are, in units of their spread.
+    unusual: f64,
 }
 
 impl Fit {
     /// Twice the log-likelihood up to a constant.
     pub(crate) fn likelihood(&self, setting: &Setting<'_>) -> f64 {
-        likelihood(&self.squares, setting.layout.counted())
+        likelihood(&self.squares, setting.layout.counted()) - self.unusual
     }
 
     /// Weight of each output's squares.
@@ -96,7 +98,14 @@ pub(crate) fn evaluate(setting: &Setting<'_>, runner: &mut Runner<'_, '_>, white
     let mut residual: Vec<f64> = setting.measured.iter().zip(&simulated).map(|(y, s)| y - s).collect();
     whitening.settle(&mut residual, &mut point.starts);
     let squares = squares(setting, &residual);
-    squares.iter().all(|s| s.is_finite()).then_some(Fit { point, simulated, residual, columns: Vec::new(), squares })
+    let unusual = usual(setting, runner).map(|(j, value, spread)| ((point.x[j] - value) / spread).powi(2)).sum();
+    squares.iter().all(|s| s.is_finite()).then_some(Fit { point, simulated, residual, columns: Vec::new(), squares, unusual })
+}
+
+/// Unknowns that have a usual value, with it and its spread.
+fn usual(setting: &Setting<'_>, runner: &Runner<'_, '_>) -> impl Iterator<Item = (usize, f64, f64)> {
+    let free = setting.free();
+    runner.parameters.iter().enumerate().filter_map(move |(k, p)| p.usual.map(|(value, spread)| (free + k, value, spread)))
 }
 
 /// Simulates the columns of the unknowns in a range anew.
@@ -119,6 +128,7 @@ pub(crate) fn maximise(
     exact: bool,
 ) -> Fit {
     let limits = setting.limits(&runner.parameters);
+    let usual: Vec<(usize, f64, f64)> = usual(setting, runner).collect();
     let unknowns = fit.point.x.len();
     if unknowns == 0 {
         return fit;
@@ -130,7 +140,7 @@ pub(crate) fn maximise(
     let mut damping = 1e-3;
     let mut trials = 0;
     while trials < effort.trials {
-        let Some((step, promised)) = step(setting, &fit, &limits, damping) else { break };
+        let Some((step, promised)) = step(setting, &fit, &limits, damping, &usual) else { break };
         if fresh && fit.likelihood(setting) + OPTIMISM * logarithmic(promised, setting) < effort.target - OUT_OF_REACH {
             break;
         }
@@ -192,12 +202,19 @@ fn clamp(point: &mut Point, free: usize, runner: &Runner<'_, '_>) {
 }
 
 /// The damped step within limits, and what it promises of twice the log-likelihood.
-fn step(setting: &Setting<'_>, fit: &Fit, limits: &Limits, damping: f64) -> Option<(DVector<f64>, f64)> {
+fn step(setting: &Setting<'_>, fit: &Fit, limits: &Limits, damping: f64, usual: &[(usize, f64, f64)]) -> Option<(DVector<f64>, f64)> {
     let weights = fit.weights(setting);
     let negative: Vec<f64> = fit.residual.iter().map(|r| -r).collect();
     let columns: Vec<&[f64]> = fit.columns.iter().map(Vec::as_slice).chain(std::iter::once(negative.as_slice())).collect();
-    let gram = gram(&columns, &parts(setting), &weights);
+    let mut gram = gram(&columns, &parts(setting), &weights);
     let n = fit.columns.len();
+    for &(j, value, spread) in usual {
+        let (one, off) = (1.0 / spread, (fit.point.x[j] - value) / spread);
+        gram[(j, j)] += one * one;
+        gram[(j, n)] += one * off;
+        gram[(n, j)] += one * off;
+        gram[(n, n)] += off * off;
+    }
     let factor = factor(&gram);
     let scale = DVector::from_fn(n, |j, _| damping.sqrt() * gram[(j, j)].max(0.0).sqrt());
     let z = DVector::from_column_slice(&fit.point.x);

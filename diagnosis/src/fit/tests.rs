@@ -17,7 +17,7 @@ use crate::effects::{CoulombFriction, GainAsymmetry};
 use crate::fixture::{Case, NOISE, THETA};
 use crate::noise::Noise;
 use crate::question::Question;
-use crate::screen::{Current, Projection, responses};
+use crate::screen::{Current, Projected, Projection, responses};
 
 const EFFORT: Effort = Effort { trials: 20, worthwhile: 0.01, target: f64::NEG_INFINITY };
 
@@ -103,7 +103,7 @@ fn the_score_of_an_effect_under_the_null_is_chi_squared() {
             let current = Current { setting, effects: &[], fit: base };
             let all = responses(&current, &[(0, &asymmetry), (1, &friction)]);
             let projection = Projection::new(setting, whitening, base, &[]);
-            let gains: Vec<f64> = all.iter().enumerate().map(|(i, r)| projection.candidate(i, r).gain).collect();
+            let gains: Vec<f64> = all.iter().enumerate().map(|(i, r)| projection.candidate(i, r, &mut Projected::default()).gain).collect();
             assert!(gains.iter().all(|g| (-1e-6..12.0).contains(g)), "{gains:?}");
             sum += gains[0];
             count += 1.0;

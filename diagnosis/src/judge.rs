@@ -1,0 +1,91 @@
+//! Held-out driving as the judge between explanations that the training data cannot tell apart.
+//!
+//! Where no wheel reverses, friction, an offset and a dead zone are one; another kind of driving tells them apart without any parameter
+//! being fitted to it. Only rivals that the evidence leaves within reach are judged, and only a decisive difference counts: parameters that
+//! the training data hardly show make errors of their own on other data.
+
+use wheelwright_core::Dataset;
+
+use crate::answer::{AMBIGUOUS, MENTIONED, explanation};
+use crate::holdout::{Ground, loss, shifted};
+use crate::question::Question;
+use crate::select::{Search, Selected, State};
+
+/// Share of a rival's held-out excess that a better explanation may leave: the same half by which an explanation has to close it.
+const CLOSED: f64 = 0.5;
+
+/// The selection with each member exchanged for the rival that the held-out data prefer decisively, and without the rivals they rule out.
+pub(crate) fn judged(question: &Question<'_>, search: &Search<'_>, mut selected: Selected) -> Selected {
+    let Some(bench) = Bench::new(question, search, &selected) else { return selected };
+    let mut own = bench.loss(search, &selected.state);
+    let mut member = 0;
+    let mut turns = selected.state.effects.len();
+    while member < selected.rivals.len() && turns > 0 {
+        turns -= 1;
+        let rivals = std::mem::take(&mut selected.rivals[member]);
+        let (near, far): (Vec<_>, Vec<_>) = rivals.into_iter().partition(|r| r.gap < AMBIGUOUS);
+        let mut near: Vec<(f64, _)> = near.into_iter().map(|r| (bench.loss(search, &r.state), r)).collect();
+        near.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let better = near.first().is_some_and(|(rival, _)| bench.decisive(*rival, own));
+        let refitted = near.first().filter(|_| better).and_then(|(loss, r)| {
+            let (_, fit) = search.under(&r.state.effects, &r.state.fit, &selected.whitening.noise, crate::select::FINAL)?;
+            Some((*loss, r.gap, State { effects: r.state.effects.clone(), fit }))
+        });
+        if let Some((loss, gap, state)) = refitted {
+            (own, selected.state) = (loss, state);
+            near.remove(0);
+            near.iter_mut().for_each(|(_, r)| r.gap -= gap);
+            // The one that came in stands last.
+            selected.rivals.remove(member);
+            selected.rivals.push(Vec::new());
+            member = selected.rivals.len() - 1;
+        }
+        let open = near.into_iter().filter(|(rival, _)| !bench.decisive(own, *rival)).map(|(_, r)| r);
+        selected.rivals[member] = open.chain(far.into_iter().filter(|r| r.gap < MENTIONED)).collect();
+        member = if better { 0 } else { member + 1 };
+    }
+    selected
+}
+
+/// Held-out data and what an explanation leaves where it was fitted.
+struct Bench<'q> {
+    question: &'q Question<'q>,
+    held: &'q Dataset,
+    noise: Vec<f64>,
+    /// Loss of the selection on the training data.
+    training: f64,
+    /// Independent values of the held-out data: those that the noise's own past does not foretell.
+    values: f64,
+}
+
+impl<'q> Bench<'q> {
+    fn new(question: &'q Question<'q>, search: &Search<'_>, selected: &Selected) -> Option<Self> {
+        let held = question.held_out.filter(|h| !h.stretches.is_empty())?;
+        let noise = &selected.whitening.noise;
+        if !selected.rivals.iter().flatten().any(|r| r.gap < AMBIGUOUS) {
+            return None;
+        }
+        let share = noise.innovation.iter().zip(&noise.deviation).map(|(i, d)| (i / d).powi(2)).sum::<f64>();
+        let training = loss(search.setting.data, &search.setting.layout.series(&selected.state.fit.simulated), &noise.deviation);
+        Some(Self { question, held, noise: noise.deviation.clone(), training, values: share * held.samples() as f64 })
+    }
+
+    /// Mean loss on the held-out data, on the likeliest clock.
+    fn loss(&self, search: &Search<'_>, state: &State) -> f64 {
+        let headings = self.question.held_out_headings.as_deref();
+        let clocks = crate::answer::clocks(self.question.training, self.held);
+        let on = |by: &f64| {
+            let moved = shifted(self.held, *by);
+            let scene = search.setting.scene.like(&moved, headings);
+            let ground = Ground { model: search.setting.model, data: &moved, scene: &scene, readout: search.setting.readout };
+            loss(&moved, &ground.prove(&explanation(search, state)).simulated, &self.noise)
+        };
+        clocks.iter().map(on).fold(f64::INFINITY, f64::min)
+    }
+
+    /// Whether a loss is so much less than another that it is no chance and no error of parameters.
+    fn decisive(&self, less: f64, more: f64) -> bool {
+        let excess = |loss: f64| (loss - self.training).max(0.0);
+        self.values * (more / less).ln() > MENTIONED && excess(less) <= CLOSED * excess(more)
+    }
+}
