@@ -24,6 +24,7 @@ pub mod continuous;
 mod inverse_dynamics;
 pub mod kinematic;
 pub mod law;
+pub mod migration;
 pub mod saturation;
 pub mod stability;
 pub mod trajectory;

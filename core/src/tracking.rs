@@ -7,7 +7,9 @@ use std::ops::ControlFlow;
 
 use crate::channel::{self, Channel};
 use crate::controller::{Controller, Observation};
-use crate::drive::DriveFault;
+use crate::drive::{DriveError, DriveFault, DriveOptions, steer};
+use crate::recording::{Column, Recording, RecordingError};
+use crate::robot::Live;
 use crate::trajectory::{Reference, Trajectory};
 
 /// Where the pose comes from.
@@ -170,6 +172,75 @@ fn find(channels: &[Channel], wanted: &Channel, lack: &'static str) -> Result<us
         channel: wanted.name.to_string(),
         available: crate::recording::list(channels.iter().map(|c| c.name.as_ref())),
     })
+}
+
+/// A tracked run, however it ended.
+#[derive(Debug)]
+pub struct Tracked {
+    /// Desired and actual motion, and the controller's parameters.
+    pub log: TrackLog,
+    /// Commands and measurements as recorded, or why the drive ended early, which holds what was recorded until then.
+    pub outcome: Result<Recording, DriveError>,
+}
+
+impl Tracked {
+    /// The rows there are.
+    pub fn recording(&self) -> Option<&Recording> {
+        match &self.outcome {
+            Ok(recording) => Some(recording),
+            Err(error) => error.recorded.as_deref(),
+        }
+    }
+
+    /// The recording with the desired motion (`x_desired`, .., `omega_desired`), the `distance` error and the controller's
+    /// parameters as further columns.
+    ///
+    /// # Errors
+    /// [`RecordingError`] if fewer than two rows were recorded.
+    pub fn joined(&self, parameters: &[String]) -> Result<Recording, RecordingError> {
+        let Some(recorded) = self.recording() else { return Err(RecordingError::TooShort { rows: self.log.rows() }) };
+        let rows = recorded.rows().min(self.log.rows());
+        let cut = |values: &[f64]| values[..rows].to_vec();
+        let mut columns: Vec<Column> =
+            recorded.columns().iter().map(|c| Column { name: c.name.clone(), unit: c.unit.clone(), values: cut(&c.values) }).collect();
+        let picks: [(&str, &str, fn(&Reference) -> f64); 5] = [
+            ("x_desired", "m", |r| r.x),
+            ("y_desired", "m", |r| r.y),
+            ("phi_desired", "rad", |r| r.phi),
+            ("v_desired", "m/s", |r| r.v),
+            ("omega_desired", "rad/s", |r| r.omega),
+        ];
+        let unit = |unit: &str| unit.to_owned();
+        for (name, of, pick) in picks {
+            columns.push(Column { name: name.to_owned(), unit: unit(of), values: self.log.reference[..rows].iter().map(pick).collect() });
+        }
+        columns.push(Column { name: "distance".to_owned(), unit: unit("m"), values: cut(&self.log.distances()) });
+        for (name, series) in parameters.iter().zip(&self.log.theta) {
+            columns.push(Column { name: name.clone(), unit: String::new(), values: cut(series) });
+        }
+        let mut joined = Recording::new(recorded.source.clone(), recorded.time()[..rows].to_vec(), columns, None)?;
+        joined.clock = recorded.clock.clone();
+        joined.warnings.clone_from(&recorded.warnings);
+        Ok(joined)
+    }
+}
+
+/// Has a robot follow a trajectory for `duration` \[s\], and stops it. It is stopped early when it is `off_course` \[m\] from
+/// where it should be.
+///
+/// # Errors
+/// [`TrackError`] if the robot lacks a channel; whatever happens while it moves is in [`Tracked::outcome`].
+pub fn track(
+    robot: &mut Live,
+    controller: &mut dyn Controller,
+    trajectory: &dyn Trajectory,
+    duration: f64,
+    off_course: f64,
+    options: DriveOptions<'_>,
+) -> Result<Tracked, TrackError> {
+    let mut tracker = Tracker::new(controller, trajectory, robot.inputs(), robot.outputs(), off_course)?;
+    let outcome = steer(robot, duration, &mut |t, measured, command| tracker.law(t, measured, command), options);
+    Ok(Tracked { log: tracker.into_log(), outcome })
 }
 
 /// Why a robot cannot be tracked.
