@@ -27,6 +27,7 @@ use wheelwright_core::config::{self as core_config, ConfigError};
 use wheelwright_core::recording::{ColumnMap, ReadOptions};
 use wheelwright_plugin::PluginEntry;
 
+use crate::control::{MigrateSection, SimulationSection, SourceSection, TrackSection};
 use crate::error::Error;
 use crate::toml_file::TomlFile;
 
@@ -66,6 +67,20 @@ pub struct Sections {
     /// What is held out.
     #[serde(default)]
     pub validation: ValidationSection,
+    /// The trajectory to follow.
+    pub trajectory: Option<Table>,
+    /// The controller that follows it.
+    pub controller: Option<Table>,
+    /// How it is followed.
+    #[serde(default)]
+    pub track: TrackSection,
+    /// A simulation in place of a robot.
+    pub simulation: Option<SimulationSection>,
+    /// The robot that a controller was tuned on.
+    pub source: Option<SourceSection>,
+    /// How it is carried over.
+    #[serde(default)]
+    pub migrate: MigrateSection,
     /// Where results go.
     #[serde(default)]
     pub output: OutputSection,

@@ -3,7 +3,9 @@
 use std::path::PathBuf;
 
 use thiserror::Error;
+use wheelwright_controllers::migration::MigrationError;
 use wheelwright_core::config::ConfigError;
+use wheelwright_core::controller::{Concern, ControlError, Gravity};
 use wheelwright_core::drive::{DriveError, DriveFault};
 use wheelwright_core::excitation::ExcitationError;
 use wheelwright_core::identification::IdentifyError;
@@ -11,6 +13,8 @@ use wheelwright_core::model::ModelError;
 use wheelwright_core::recording::{ReadError, RecordingError};
 use wheelwright_core::robot::RobotError;
 use wheelwright_core::solver::SolveError;
+use wheelwright_core::tracking::TrackError;
+use wheelwright_core::trajectory::TrajectoryError;
 use wheelwright_diagnosis::DiagnosisError;
 use wheelwright_plugin::PluginError;
 
@@ -78,6 +82,29 @@ pub enum Error {
         /// Where the recording so far was written.
         kept: Option<PathBuf>,
     },
+    /// There is no such controller.
+    #[error("controller: {0}")]
+    Control(ControlError),
+    /// There is no such trajectory.
+    #[error("trajectory: {0}")]
+    Trajectory(TrajectoryError),
+    /// The robot lacks a channel that the controller needs.
+    #[error(transparent)]
+    Track(TrackError),
+    /// Tracking would be dangerous; the robot was not moved.
+    #[error("refused: {}; `track.force = true` drives all the same", dangers(.0))]
+    Danger(Vec<Concern>),
+    /// A controller is not carried to another robot.
+    #[error(transparent)]
+    Migration(#[from] MigrationError),
+    /// A recording could not be written.
+    #[error("{}: {reason}", .path.display())]
+    Write {
+        /// The file.
+        path: PathBuf,
+        /// What happened.
+        reason: String,
+    },
     /// A plugin could not be loaded or broke its contract.
     #[error(transparent)]
     Plugin(#[from] PluginError),
@@ -101,6 +128,7 @@ impl Error {
         match self {
             Self::Usage(_) | Self::Config { .. } | Self::Json { .. } | Self::Recording { .. } | Self::Excitation(_) => 2,
             Self::Io { error, .. } if error.kind() == std::io::ErrorKind::NotFound => 2,
+            Self::Control(_) | Self::Trajectory(_) | Self::Track(_) | Self::Danger(_) | Self::Migration(_) => 2,
             Self::TooLittle(_) => 3,
             Self::Identify(IdentifyError::Solve(error)) => solve_status(error),
             Self::Identify(IdentifyError::Model(error)) => model_status(error),
@@ -128,6 +156,11 @@ impl Error {
     pub fn content(path: impl Into<PathBuf>, error: RecordingError) -> Self {
         Self::Recording { path: path.into(), error: error.into() }
     }
+}
+
+fn dangers(concerns: &[Concern]) -> String {
+    let grave = concerns.iter().filter(|c| c.gravity == Gravity::Danger);
+    grave.map(|c| c.message.as_str()).collect::<Vec<_>>().join("; ")
 }
 
 fn drive_status(fault: &DriveFault) -> u8 {

@@ -1,11 +1,13 @@
 #![doc = include_str!("../README.md")]
 
 // A crate of built-ins that nothing mentions is not linked, and its registrations vanish without a word.
+use wheelwright_controllers as _;
 use wheelwright_robots as _;
 
 pub mod cli;
 pub mod config;
 pub mod constraints;
+pub mod control;
 pub mod documents;
 pub mod error;
 pub mod evidence;
@@ -24,6 +26,7 @@ pub mod toml_file;
 pub mod trial;
 
 pub use error::Error;
+pub use wheelwright_controllers as controllers;
 pub use wheelwright_core as core;
 pub use wheelwright_diagnosis as diagnosis;
 pub use wheelwright_models as models;

@@ -3,18 +3,20 @@
 use serde::de::DeserializeOwned;
 use toml::{Table, Value};
 use wheelwright_core::config::{self, ConfigError};
+use wheelwright_core::controller::ControllerConfig;
 use wheelwright_core::effect::{Effect, Place};
 use wheelwright_core::excitation::Excitation;
 use wheelwright_core::model::{ModelConfig, ModelError, RegressorModel};
 use wheelwright_core::robot::{Robot, RobotConfig, RobotError};
 use wheelwright_core::solver::Solver;
+use wheelwright_core::trajectory::TrajectoryConfig;
 use wheelwright_plugin::{Kind, Listed};
 
 use crate::config::Config;
 use crate::error::Error;
 
 /// Kinds of plugins, as [`Registry::list`] takes them.
-pub const KINDS: [&str; 5] = ["models", "robots", "solvers", "excitations", "effects"];
+pub const KINDS: [&str; 7] = ["models", "robots", "solvers", "excitations", "effects", "controllers", "trajectories"];
 
 /// A plugin by name.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -104,6 +106,22 @@ impl Registry {
         config::tagged(table)
     }
 
+    /// A controller.
+    ///
+    /// # Errors
+    /// [`ConfigError`] with the key, relative to the table.
+    pub fn controller(&self, table: Table) -> Result<Box<dyn ControllerConfig>, ConfigError> {
+        config::tagged(table)
+    }
+
+    /// A trajectory.
+    ///
+    /// # Errors
+    /// [`ConfigError`] with the key, relative to the table.
+    pub fn trajectory(&self, table: Table) -> Result<Box<dyn TrajectoryConfig>, ConfigError> {
+        config::tagged(table)
+    }
+
     /// An effect.
     ///
     /// # Errors
@@ -126,6 +144,8 @@ impl Registry {
             "robots" => self.loadable(Kind::Robot),
             "solvers" => built_in::<dyn Solver>(|s| s.about()),
             "excitations" => built_in::<dyn Excitation>(|e| e.about()),
+            "controllers" => built_in::<dyn ControllerConfig>(|c| c.about()),
+            "trajectories" => built_in::<dyn TrajectoryConfig>(|t| t.about()),
             "effects" => self.loadable(Kind::Effect).into_iter().map(|entry| self.placed(entry)).collect(),
             _ => Vec::new(),
         }
@@ -157,7 +177,16 @@ impl Registry {
 const BUILT_IN: &str = "built-in";
 
 /// What built-ins that cannot be made from their name alone need besides, to be asked what they are.
-const LEAST_SETTINGS: [(&str, &str); 1] = [("simulator", "robot = \"pioneer-3dx\"")];
+const LEAST_SETTINGS: [(&str, &str); 8] = [
+    ("simulator", "robot = \"pioneer-3dx\""),
+    ("kinematic", "k = [1, 1, 1]"),
+    ("inverse-dynamics", "k = [1, 1, 1]\nkv = 1\nkw = 1"),
+    ("adaptive", "k = [1, 1, 1]\nkv = 1\nkw = 1\ngamma = 1"),
+    ("figure-eight", "ax = 1\nay = 1\nfrequency = 1"),
+    ("circle", "radius = 1\nspeed = 1"),
+    ("line", "length = 1\nspeed = 1"),
+    ("waypoints", "points = [[0, 0], [1, 0]]\nspeed = 1\nacceleration = 1"),
+];
 
 /// What a built-in says of itself; what it lacks, if it is not made of what is known here.
 fn describe<T: ?Sized>(name: &str, about: impl Fn(&T) -> String) -> String

@@ -6,6 +6,7 @@ mod diagnose;
 mod emulate;
 mod identify;
 mod inspect;
+mod migrate;
 mod page;
 mod plugins;
 mod run;
@@ -13,6 +14,7 @@ mod score;
 mod setup;
 mod simulate;
 mod text;
+mod track;
 mod trial;
 
 use std::path::PathBuf;
@@ -77,6 +79,10 @@ enum Command {
     Diagnose(diagnose::Arguments),
     /// Free-run simulation of an identified model
     Simulate(simulate::Arguments),
+    /// Follow a trajectory with the kinematic, inverse-dynamic or adaptive controller
+    Track(track::Arguments),
+    /// Carry a controller from one robot to another and show the tracking error before and after
+    Migrate(migrate::Arguments),
     /// Diagnose every case of a folder without any key, one answer file a case
     Trial(trial::Arguments),
     /// Score the answers of a trial against the key
@@ -111,6 +117,8 @@ pub fn main() -> u8 {
         Command::Identify(arguments) => identify::run(arguments, &cli.shared, &console),
         Command::Diagnose(arguments) => diagnose::run(arguments, &cli.shared, &console),
         Command::Simulate(arguments) => simulate::run(arguments, &cli.shared, &console),
+        Command::Track(arguments) => track::run(arguments, &cli.shared, &console),
+        Command::Migrate(arguments) => migrate::run(arguments, &cli.shared, &console),
         Command::Trial(arguments) => trial::run(arguments, &cli.shared, &console),
         Command::Score(arguments) => score::run(arguments, &cli.shared, &console),
         Command::Inspect(arguments) => inspect::run(arguments, &cli.shared, &console),

@@ -25,7 +25,7 @@ const COMMANDS: [&str; 4] = ["v_ref", "omega_ref", "u_left", "u_right"];
 /// Share held out unless asked otherwise.
 const HOLDOUT: f64 = 0.3;
 const MODEL: &str = "vw-pd";
-const SOLVER: &str = "output-error";
+pub(super) const SOLVER: &str = "output-error";
 /// The solver that runs sample by sample.
 pub(super) const RECURSIVE: &str = "recursive";
 

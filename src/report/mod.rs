@@ -13,6 +13,7 @@ pub mod spectrum;
 pub mod table;
 pub mod terms;
 pub mod timeline;
+pub mod track;
 
 mod excitation;
 mod fit;

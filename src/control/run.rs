@@ -1,0 +1,185 @@
+//! One tracked run: trajectory laid, controller built, dangers weighed, robot driven, error measured.
+
+use serde::Serialize;
+use serde_json::{Value, json};
+use wheelwright_core::controller::{Concern, ControllerConfig, Gravity, Plan, Subject};
+use wheelwright_core::drive::{DriveError, DriveOptions};
+use wheelwright_core::recording::Recording;
+use wheelwright_core::robot::Live;
+use wheelwright_core::tracking::{TrackLog, Tracked, start_pose, track};
+use wheelwright_core::trajectory::{Placed, Trajectory, TrajectoryConfig, pace_within};
+
+use super::section::{Pace, Start, TrackSection};
+use crate::error::Error;
+
+/// Windows of time \[s\] whose errors are told: the thesis adapts from 3 or 30 s on.
+const WINDOWS: [(f64, f64); 4] = [(10.0, 30.0), (30.0, 60.0), (60.0, 90.0), (90.0, 120.0)];
+
+/// A run as asked for.
+#[derive(Debug, Clone, Copy)]
+pub struct TrackRun<'a> {
+    /// What the controller knows of the robot; its period is set to the robot's.
+    pub subject: &'a Subject,
+    /// The controller.
+    pub controller: &'a dyn ControllerConfig,
+    /// The trajectory.
+    pub trajectory: &'a dyn TrajectoryConfig,
+    /// How it is laid.
+    pub section: &'a TrackSection,
+}
+
+/// What came of a run.
+#[derive(Debug)]
+pub struct Outcome {
+    /// Desired and actual motion, parameters over time.
+    pub log: TrackLog,
+    /// Names of the controller's parameters.
+    pub parameters: Vec<String>,
+    /// Everything as one recording; `None` if fewer than two rows came.
+    pub recording: Option<Recording>,
+    /// Why the drive ended early, if it did.
+    pub ended: Option<DriveError>,
+    /// What was to be feared.
+    pub concerns: Vec<Concern>,
+    /// Length asked for \[s\].
+    pub duration: f64,
+    /// Control period \[s\]; 0 for a continuous simulation.
+    pub period: f64,
+    /// Pace at which the trajectory was run.
+    pub pace: f64,
+}
+
+/// Distance error of a run \[m\].
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Distances {
+    /// Root mean square of the whole.
+    pub rms: f64,
+    /// Largest.
+    pub max: f64,
+    /// Last.
+    pub last: f64,
+    /// Root mean square by window of time: from \[s\], to \[s\], error.
+    pub windows: Vec<(f64, f64, f64)>,
+}
+
+impl TrackRun<'_> {
+    /// Drives a connected robot and stops it. `options` hold what it keeps within and who may end it.
+    ///
+    /// # Errors
+    /// [`Error`] if the robot was not moved: a setting is wrong, it lacks a channel, or danger was foreseen.
+    pub fn drive(&self, robot: &mut Live, options: DriveOptions<'_>) -> Result<Outcome, Error> {
+        let subject = Subject { period: robot.period(), ..self.subject.clone() };
+        let mut measured = vec![0.0; robot.outputs().len()];
+        robot.measure(&mut measured).map_err(Error::Connect)?;
+        let (placed, pace) = self.placed(&subject, start_pose(robot.outputs(), &measured))?;
+        let mut controller = self.controller.build(&subject).map_err(Error::Control)?;
+        let duration = self.duration(&placed)?;
+        let concerns = controller.assess(&Plan { trajectory: &placed, duration, noise: self.section.noise });
+        if !self.section.force && concerns.iter().any(|c| c.gravity == Gravity::Danger) {
+            return Err(Error::Danger(concerns));
+        }
+        let off_course = self.section.off_course.unwrap_or(f64::INFINITY);
+        let tracked = track(robot, &mut *controller, &placed, duration, off_course, options).map_err(Error::Track)?;
+        Ok(Outcome::new(tracked, controller.parameters(), concerns, duration, subject.period, pace))
+    }
+
+    /// The trajectory as it is to be followed from a pose on, and its pace.
+    ///
+    /// # Errors
+    /// [`Error::Trajectory`], or [`Error::Config`] for an impossible size or pace.
+    pub fn placed(&self, subject: &Subject, pose: [f64; 3]) -> Result<(Placed, f64), Error> {
+        let section = self.section;
+        positive("track.size", section.size)?;
+        positive("track.fill", section.fill)?;
+        let built = || self.trajectory.build(&subject.envelope).map_err(Error::Trajectory);
+        let scaled = Placed::new(built()?).scaled(section.size);
+        let pace = match section.pace {
+            Pace::Factor(factor) => {
+                positive("track.pace", factor)?;
+                factor
+            }
+            Pace::Limits(_) => {
+                pace_within(&scaled, self.section.duration.unwrap_or(0.0).max(scaled.duration()), &subject.envelope, section.fill)
+            }
+        };
+        let paced = scaled.paced(pace);
+        Ok((if section.start == Start::Robot { paced.starting_at(pose) } else { paced }, pace))
+    }
+
+    /// Length of the run \[s\].
+    ///
+    /// # Errors
+    /// [`Error::Config`] if it is not a positive number.
+    pub fn duration(&self, trajectory: &dyn Trajectory) -> Result<f64, Error> {
+        let duration = self.section.duration.unwrap_or_else(|| trajectory.duration());
+        positive("track.duration", duration)?;
+        Ok(duration)
+    }
+}
+
+fn positive(key: &str, value: f64) -> Result<(), Error> {
+    if value.is_finite() && value > 0.0 { Ok(()) } else { Err(Error::setting(key, format!("must be a positive number, not {value}"))) }
+}
+
+impl Outcome {
+    pub(super) fn new(tracked: Tracked, parameters: &[String], concerns: Vec<Concern>, duration: f64, period: f64, pace: f64) -> Self {
+        let recording = tracked.joined(parameters).ok();
+        let Tracked { log, outcome } = tracked;
+        Self { recording, parameters: parameters.to_vec(), ended: outcome.err(), concerns, duration, period, pace, log }
+    }
+
+    /// Distance errors; `None` without a row.
+    pub fn distances(&self) -> Option<Distances> {
+        let end = *self.log.time.last()?;
+        let distances = self.log.distances();
+        let window = |(from, to): (f64, f64)| {
+            // A window that the run did not finish would not compare.
+            let whole = end >= to - 0.5 * self.period.max(1e-9);
+            self.log.rms(from, to).filter(|_| whole).map(|rms| (from, to, rms))
+        };
+        Some(Distances {
+            rms: self.log.rms(0.0, end)?,
+            max: distances.iter().copied().fold(0.0, f64::max),
+            last: *distances.last()?,
+            windows: WINDOWS.into_iter().filter_map(window).collect(),
+        })
+    }
+
+    /// Root mean square of the distance error after the start-up, the first third of the run \[m\]; infinite for a run that
+    /// ended early.
+    pub fn settled(&self) -> f64 {
+        if self.ended.is_some() {
+            return f64::INFINITY;
+        }
+        self.log.rms(self.duration / 3.0, self.duration).unwrap_or(f64::INFINITY)
+    }
+
+    /// Share of the rows in which limits took something from the command.
+    pub fn saturated(&self) -> f64 {
+        let rows = self.log.share.len().max(1);
+        self.log.share.iter().filter(|s| **s < 1.0).count() as f64 / rows as f64
+    }
+
+    /// The facts of the run as JSON, without the plan it was made by.
+    pub fn facts(&self) -> Value {
+        let theta = |i: usize, pick: fn(&[f64]) -> Option<&f64>| self.log.theta.get(i).and_then(|s| pick(s)).copied();
+        let parameters: Vec<Value> = (0..self.parameters.len())
+            .map(|i| json!({"name": self.parameters[i], "start": theta(i, <[f64]>::first), "end": theta(i, <[f64]>::last)}))
+            .collect();
+        json!({
+            "rows": self.log.rows(),
+            "duration_s": self.log.time.last(),
+            "planned_s": self.duration,
+            "period_s": self.period,
+            "pace": self.pace,
+            "distance": self.distances().map(|d| json!({
+                "rms": d.rms, "max": d.max, "last": d.last,
+                "windows": d.windows.iter().map(|(from, to, rms)| json!({"from": from, "to": to, "rms": rms})).collect::<Vec<_>>(),
+            })),
+            "parameters": parameters,
+            "saturated_share": self.saturated(),
+            "ended_early": self.ended.as_ref().map(ToString::to_string),
+            "warnings": self.concerns.iter().map(|c| c.message.clone()).collect::<Vec<_>>(),
+        })
+    }
+}
