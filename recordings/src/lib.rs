@@ -27,8 +27,8 @@ use std::path::Path;
 use wheelwright_core::recording::{ReadError, ReadOptions, Recording, RecordingReader};
 
 pub use beside::file_beside;
-pub use csv::write_csv;
-pub use ros::{WriteError, write_mcap};
+pub use csv::{CsvRecorder, write_csv};
+pub use ros::{McapRecorder, WriteError, write_mcap};
 
 /// Every built-in reader, in the order in which they are asked whether they know a file.
 pub fn readers() -> Vec<Box<dyn RecordingReader>> {

@@ -4,6 +4,7 @@
 //! split with care instead ([`rows`]). Only the columns are kept, never the text.
 
 mod header;
+mod record;
 mod rows;
 mod write;
 
@@ -16,6 +17,7 @@ use crate::columns::Plan;
 use header::Header;
 use rows::Table;
 
+pub use record::CsvRecorder;
 pub use write::write_csv;
 
 /// Reads CSV with comma, semicolon or tab, a header and decimal points.

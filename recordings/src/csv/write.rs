@@ -42,7 +42,7 @@ fn write_rows(out: &mut impl Write, recording: &Recording) -> std::io::Result<()
 }
 
 /// A name or label as a cell, in quotes where it needs them.
-fn quoted(text: &str) -> String {
+pub(super) fn quoted(text: &str) -> String {
     let special = text.contains([',', '"', '\n', '\r', '#', ';', '\t']) || text.trim() != text;
     if special { format!("\"{}\"", text.replace('"', "\"\"")) } else { text.to_owned() }
 }

@@ -16,6 +16,7 @@ pub(crate) mod hold;
 mod join;
 mod mcap;
 mod message;
+mod record;
 mod select;
 mod sqlite;
 mod storage;
@@ -27,6 +28,7 @@ use std::path::Path;
 
 use wheelwright_core::recording::{ReadError, ReadOptions, Recording, RecordingReader};
 
+pub use record::McapRecorder;
 pub use writer::{WriteError, write_mcap};
 
 use collect::Collector;

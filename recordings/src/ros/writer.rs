@@ -4,7 +4,7 @@
 //! back gives the same rows.
 
 use std::collections::BTreeMap;
-use std::io::BufWriter;
+use std::io::{BufWriter, Seek, Write};
 use std::path::Path;
 
 use mcap::records::MessageHeader;
@@ -95,8 +95,6 @@ pub fn write_mcap(path: &Path, recording: &Recording) -> Result<(), WriteError> 
     Ok(())
 }
 
-type Writer = mcap::Writer<BufWriter<tempfile::NamedTempFile>>;
-
 fn pair<'a>(recording: &'a Recording, first: &str, second: &str) -> Result<(&'a [f64], &'a [f64]), RecordingError> {
     Ok((recording.column(first)?, recording.column(second)?))
 }
@@ -118,7 +116,7 @@ fn stamps(recording: &Recording) -> Result<Vec<u64>, WriteError> {
     }
 }
 
-fn stamp(time: f64) -> Result<u64, WriteError> {
+pub(super) fn stamp(time: f64) -> Result<u64, WriteError> {
     if !(0.0..=2_147_483_647.0).contains(&time) {
         return Err(WriteError::Time { time });
     }
@@ -127,14 +125,15 @@ fn stamp(time: f64) -> Result<u64, WriteError> {
 }
 
 /// The two channels and their counters.
-struct Topics {
-    command: u16,
-    odometry: u16,
+#[derive(Debug)]
+pub(super) struct Topics {
+    pub(super) command: u16,
+    pub(super) odometry: u16,
     sent: BTreeMap<u16, u32>,
 }
 
 impl Topics {
-    fn declare(writer: &mut Writer, command: bool, odometry: bool) -> Result<Self, WriteError> {
+    pub(super) fn declare<W: Write + Seek>(writer: &mut mcap::Writer<W>, command: bool, odometry: bool) -> Result<Self, WriteError> {
         let mut declare = |wanted: bool, topic: &str, kind: &str, definition: &str| -> Result<u16, WriteError> {
             if !wanted {
                 return Ok(u16::MAX);
@@ -149,7 +148,13 @@ impl Topics {
         Ok(Self { command, odometry, sent: BTreeMap::new() })
     }
 
-    fn write(&mut self, writer: &mut Writer, channel_id: u16, stamp: u64, message: &[u8]) -> Result<(), WriteError> {
+    pub(super) fn write<W: Write + Seek>(
+        &mut self,
+        writer: &mut mcap::Writer<W>,
+        channel_id: u16,
+        stamp: u64,
+        message: &[u8],
+    ) -> Result<(), WriteError> {
         let sent = self.sent.entry(channel_id).or_default();
         let header = MessageHeader { channel_id, sequence: *sent, log_time: stamp, publish_time: stamp };
         *sent = sent.wrapping_add(1);
@@ -185,7 +190,7 @@ fn doubles(message: &mut Vec<u8>, values: &[f64]) {
     }
 }
 
-fn twist(message: &mut Vec<u8>, v: f64, omega: f64) {
+pub(super) fn twist(message: &mut Vec<u8>, v: f64, omega: f64) {
     message.clear();
     message.extend_from_slice(&ENCAPSULATION);
     doubles(message, &[v, 0.0, 0.0, 0.0, 0.0, omega]);
@@ -200,7 +205,7 @@ fn text(message: &mut Vec<u8>, text: &str) {
     message.push(0);
 }
 
-fn odometry(message: &mut Vec<u8>, stamp: u64, [x, y, phi]: [f64; 3], (v, omega): (f64, f64)) {
+pub(super) fn odometry(message: &mut Vec<u8>, stamp: u64, [x, y, phi]: [f64; 3], (v, omega): (f64, f64)) {
     message.clear();
     message.extend_from_slice(&ENCAPSULATION);
     message.extend_from_slice(&((stamp / 1_000_000_000) as u32).to_le_bytes());
