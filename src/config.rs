@@ -27,8 +27,12 @@ use wheelwright_core::config::{self as core_config, ConfigError};
 use wheelwright_core::recording::{ColumnMap, ReadOptions};
 use wheelwright_plugin::PluginEntry;
 
+use crate::autonomous::WantedSection;
 use crate::control::{MigrateSection, SimulationSection, SourceSection, TrackSection};
+use crate::design::DesignSection;
 use crate::error::Error;
+use crate::record::RecordSection;
+use crate::safety::LimitsSection;
 use crate::toml_file::TomlFile;
 
 /// A configuration as read, with what is needed to point at its lines.
@@ -84,6 +88,16 @@ pub struct Sections {
     /// Where results go.
     #[serde(default)]
     pub output: OutputSection,
+    /// What a drive keeps within.
+    #[serde(default)]
+    pub limits: LimitsSection,
+    /// How a robot is recorded.
+    #[serde(default)]
+    pub record: RecordSection,
+    /// When an unattended identification is good enough.
+    pub autonomous: Option<WantedSection>,
+    /// What a designed excitation is to reach.
+    pub design: Option<DesignSection>,
 }
 
 /// `[parameters.NAME]`: fixed, tied to another parameter, or bounded.

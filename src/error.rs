@@ -165,8 +165,13 @@ fn dangers(concerns: &[Concern]) -> String {
 
 fn drive_status(fault: &DriveFault) -> u8 {
     match fault {
-        DriveFault::Interrupted { .. } => 1,
-        DriveFault::Excitation(_) | DriveFault::Command { .. } | DriveFault::Time { .. } => 2,
+        DriveFault::Interrupted { .. } | DriveFault::Released { .. } | DriveFault::Floor { .. } | DriveFault::Sink(_) => 1,
+        DriveFault::Excitation(_)
+        | DriveFault::Command { .. }
+        | DriveFault::Time { .. }
+        | DriveFault::Limit(_)
+        | DriveFault::BadFloor { .. }
+        | DriveFault::NoPose => 2,
         _ => 5,
     }
 }

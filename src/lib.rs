@@ -4,10 +4,12 @@
 use wheelwright_controllers as _;
 use wheelwright_robots as _;
 
+pub mod autonomous;
 pub mod cli;
 pub mod config;
 pub mod constraints;
 pub mod control;
+pub mod design;
 pub mod documents;
 pub mod error;
 pub mod evidence;
@@ -17,8 +19,10 @@ pub mod inquiry;
 pub mod model_file;
 pub mod online;
 pub mod output;
+pub mod record;
 pub mod registry;
 pub mod report;
+pub mod safety;
 pub mod score;
 pub mod source;
 pub mod study;

@@ -37,9 +37,14 @@ impl Console {
         }
     }
 
+    /// True if progress is shown: on a terminal, unless asked to be quiet.
+    pub(super) fn is_live(&self) -> bool {
+        !self.quiet && std::io::stderr().is_terminal()
+    }
+
     /// Replaces the line of progress, on a terminal only.
     pub(super) fn progress(&self, text: &str) {
-        if !self.quiet && std::io::stderr().is_terminal() {
+        if self.is_live() {
             let _ = write!(std::io::stderr().lock(), "\r\x1b[2K{text}");
         }
     }

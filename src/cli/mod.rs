@@ -2,13 +2,19 @@
 
 mod browser;
 mod console;
+mod design;
 mod diagnose;
+mod drive;
 mod emulate;
+mod halt;
+mod hold;
 mod identify;
 mod inspect;
+mod live;
 mod migrate;
 mod page;
 mod plugins;
+mod record;
 mod run;
 mod score;
 mod setup;
@@ -73,6 +79,10 @@ enum Command {
     Run(run::Arguments),
     /// Serve a robot's protocol with a simulated robot behind it
     Emulate(emulate::Arguments),
+    /// Drive a robot with an excitation, safely, and record
+    Record(record::Arguments),
+    /// An excitation as short as the wanted accuracy and the limits allow
+    Design(design::Arguments),
     /// Identify a model's parameters from recordings
     Identify(identify::Arguments),
     /// Where a recording differs from its simulation, what physics was left out, and the proof
@@ -114,6 +124,8 @@ pub fn main() -> u8 {
     let outcome = match &cli.command {
         Command::Run(arguments) => run::run(arguments, &cli.shared, &console),
         Command::Emulate(arguments) => emulate::run(arguments, &cli.shared, &console),
+        Command::Record(arguments) => record::run(arguments, &cli.shared, &console),
+        Command::Design(arguments) => design::run(arguments, &cli.shared, &console),
         Command::Identify(arguments) => identify::run(arguments, &cli.shared, &console),
         Command::Diagnose(arguments) => diagnose::run(arguments, &cli.shared, &console),
         Command::Simulate(arguments) => simulate::run(arguments, &cli.shared, &console),

@@ -1,28 +1,36 @@
 //! `run`: a whole identification from a configuration, from robot or recording to report.
 
-use std::path::PathBuf;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::path::{Path, PathBuf};
 
 use clap::Args;
 use toml::Table;
-use wheelwright_core::drive::{DriveError, DriveOptions, DriveProgress, drive};
+use wheelwright_core::identifiability;
 
 use super::Shared;
 use super::console::Console;
+use super::drive::{Drive, Driven, folder, hold, safety};
 use super::identify::conclude;
 use super::setup::{ReadArguments, Setup, StudyArguments};
+use crate::autonomous::{Missing, WantedSection, fixed};
 use crate::error::Error;
 use crate::output::Folder;
 use crate::source::Source;
+use crate::study::{Findings, Study};
 
-/// Raised by ctrl-C; the drive looks at it before every command.
-static STOP: AtomicBool = AtomicBool::new(false);
+/// A round shorter than this share of the planned one is left out at the end of the longest time.
+const LEAST_ROUND: f64 = 0.2;
 
 #[derive(Debug, Args)]
 pub(super) struct Arguments {
     /// Configuration of the run
     #[arg(value_name = "CONFIG.toml")]
     file: PathBuf,
+    /// Excite and identify in turn, unattended, until the intervals are as narrow as [autonomous] wants
+    #[arg(long)]
+    autonomous: bool,
+    /// Drive only while a key is held
+    #[arg(long)]
+    dead_man: bool,
     #[command(flatten)]
     study: StudyArguments,
 }
@@ -30,53 +38,121 @@ pub(super) struct Arguments {
 pub(super) fn run(arguments: &Arguments, shared: &Shared, console: &Console) -> Result<(), Error> {
     let setup = Setup::load_file(Some(&arguments.file), shared)?;
     let study = setup.study(shared, &arguments.study, setup.read_options(&ReadArguments::default())?)?;
-    let folder = setup.folder(shared)?;
-    let sources = match (setup.config.sections.robot.clone(), setup.recording_paths()) {
-        (Some(robot), paths) if paths.is_empty() => vec![excite(&setup, robot, study.seed, folder.as_ref(), console)?],
-        (None, paths) if !paths.is_empty() => study.open(&paths)?,
-        (Some(_), _) => return Err(setup.config.error(both_or_neither("names a robot and recordings: keep one of them"))),
-        (None, _) => {
-            return Err(setup
-                .config
-                .error(both_or_neither("names nothing to identify from: add a [robot] to drive, or [recording] paths = [...]")));
+    let place = setup.folder(shared)?;
+    let run = Run { arguments, shared, setup: &setup, study: &study, folder: place.as_ref(), console };
+    match (setup.config.sections.robot.clone(), setup.recording_paths()) {
+        (Some(robot), paths) if paths.is_empty() && arguments.autonomous => run.autonomous(robot),
+        (Some(robot), paths) if paths.is_empty() => {
+            let driven = run.drive(&robot, study.seed, None)?;
+            run.conclude(&[run.source(driven)?])
         }
-    };
-    let validation = study.open(&setup.validation_paths(&arguments.study))?;
-    let findings = study.identify(&sources, &validation)?;
-    conclude(&study, findings, folder.as_ref(), &arguments.study.require, shared, console)
+        (None, paths) if !paths.is_empty() && !arguments.autonomous => run.conclude(&study.open(&paths)?),
+        (Some(_), _) => Err(setup.config.error(both_or_neither("names a robot and recordings: keep one of them"))),
+        (None, _) if arguments.autonomous => Err(setup.config.error(both_or_neither("--autonomous needs a [robot] to drive"))),
+        (None, _) => {
+            Err(setup.config.error(both_or_neither("names nothing to identify from: add a [robot] to drive, or [recording] paths = [...]")))
+        }
+    }
 }
 
 fn both_or_neither(message: &str) -> wheelwright_core::config::ConfigError {
     wheelwright_core::config::ConfigError::new("", message)
 }
 
-/// Drives the configured robot with the configured excitation and keeps what it measured.
-fn excite(setup: &Setup, robot: Table, seed: u64, folder: Option<&Folder>, console: &Console) -> Result<Source, Error> {
-    let excitation = setup.excitation()?;
-    let mut robot = setup.connect(robot, seed)?;
-    // Without a handler ctrl-C would end the program between two commands, with the last one still held by the robot.
-    ctrlc::set_handler(|| STOP.store(true, Ordering::Relaxed)).map_err(|e| Error::Usage(format!("ctrl-C cannot be caught: {e}")))?;
-    let mut show = |progress: &DriveProgress<'_>| console.progress(&format!("driving {:.1} of {:.1} s", progress.t, progress.duration));
-    let options = DriveOptions { stop: Some(&STOP), observer: Some(&mut show), ..DriveOptions::default() };
-    let outcome = drive(&mut robot, &*excitation, options);
-    console.end_progress();
-    match outcome {
-        Ok(recording) => {
-            let path = folder.map(|folder| keep(&recording, folder)).transpose()?;
-            Source::driven(recording, path.as_deref())
-        }
-        Err(error) => Err(early_end(error, folder)),
+/// What every step of a run needs.
+struct Run<'a> {
+    arguments: &'a Arguments,
+    shared: &'a Shared,
+    setup: &'a Setup,
+    study: &'a Study,
+    folder: Option<&'a Folder>,
+    console: &'a Console,
+}
+
+impl Run<'_> {
+    /// Drives the configured robot with the configured excitation, or a part of it, and keeps what it measured.
+    fn drive(&self, robot: &Table, seed: u64, part: Option<(f64, f64)>) -> Result<Driven, Error> {
+        let hold = hold(self.setup, self.arguments.dead_man)?;
+        let place = folder(self.setup, self.shared, None)?;
+        let excitation = self.setup.excitation()?;
+        let drive = Drive {
+            setup: self.setup,
+            robot: robot.clone(),
+            excitation: &*excitation,
+            safety: safety(self.setup, self.study.robot.as_ref())?,
+            folder: place.as_deref(),
+            seed,
+            part,
+            countdown: self.setup.config.sections.record.countdown,
+            hold: hold.as_ref(),
+        };
+        drive.run(self.console)
     }
-}
 
-/// What was recorded before the drive ended is kept.
-fn early_end(error: DriveError, folder: Option<&Folder>) -> Error {
-    let kept = error.recorded.as_deref().zip(folder).and_then(|(recording, folder)| keep(recording, folder).ok());
-    Error::Drive { error: Box::new(error), kept }
-}
+    fn source(&self, driven: Driven) -> Result<Source, Error> {
+        let path: Option<PathBuf> = driven.csv();
+        Source::driven(driven.recording, path.as_deref().map(Path::new))
+    }
 
-fn keep(recording: &wheelwright_core::Recording, folder: &Folder) -> Result<PathBuf, Error> {
-    let path = folder.path("recording.csv");
-    wheelwright_recordings::write_csv(&path, recording).map_err(|error| Error::Recording { path: path.clone(), error })?;
-    Ok(path)
+    fn conclude(&self, sources: &[Source]) -> Result<(), Error> {
+        self.finish(self.identify(sources)?)
+    }
+
+    fn identify(&self, sources: &[Source]) -> Result<Findings, Error> {
+        let validation = self.study.open(&self.setup.validation_paths(&self.arguments.study))?;
+        self.study.identify(sources, &validation)
+    }
+
+    fn finish(&self, findings: Findings) -> Result<(), Error> {
+        conclude(self.study, findings, self.folder, &self.arguments.study.require, self.shared, self.console)
+    }
+
+    /// Excite, identify, look at the intervals, and again, until they are as narrow as wanted or the time is up. The robot stands
+    /// while the computer thinks. Every round is a recording of its own.
+    fn autonomous(&self, robot: Table) -> Result<(), Error> {
+        let wanted = self.wanted()?;
+        let mut sources = Vec::new();
+        let mut driven_s = 0.0;
+        loop {
+            let length = wanted.round.min(wanted.longest - driven_s);
+            let seed = self.study.seed.wrapping_add(sources.len() as u64);
+            sources.push(self.source(self.drive(&robot, seed, Some((driven_s, length)))?)?);
+            driven_s += length;
+            let findings = self.identify(&sources)?;
+            let missing = self.missing(&wanted, &findings);
+            let over = wanted.longest - driven_s < LEAST_ROUND * wanted.round;
+            let gaps = match &missing {
+                Ok(gaps) if gaps.is_empty() => {
+                    self.console.note(&format!("after {driven_s:.0} s of driving every interval is as narrow as wanted"));
+                    return self.finish(findings);
+                }
+                Ok(gaps) => gaps.iter().map(Missing::statement).collect::<Vec<_>>().join("; "),
+                Err(reason) => reason.clone(),
+            };
+            if over {
+                self.finish(findings)?;
+                return Err(Error::TooLittle(format!(
+                    "after {driven_s:.0} s of driving, all that [autonomous] allows: {gaps}; allow more time, a stronger excitation, or want less"
+                )));
+            }
+            self.console.note(&format!("after {driven_s:.0} s of driving: {gaps}; driving on"));
+        }
+    }
+
+    fn wanted(&self) -> Result<WantedSection, Error> {
+        let config = &self.setup.config;
+        let missing = || Error::setting("autonomous", "is missing: [autonomous] says which intervals are wanted, as in width = 0.1");
+        let wanted = config.sections.autonomous.clone().ok_or_else(missing)?;
+        let names: Vec<String> = self.study.model.parameters().iter().map(|p| p.name.clone()).collect();
+        wanted.check(&names).map_err(|e| config.error_in("autonomous", e))?;
+        Ok(wanted)
+    }
+
+    /// What is still missing, or why nothing is known yet.
+    fn missing(&self, wanted: &WantedSection, findings: &Findings) -> Result<Vec<Missing>, String> {
+        let found = findings.identification.as_ref().map_err(ToString::to_string)?;
+        let map = &self.study.freedom.map;
+        let judged = identifiability::assess(&*self.study.model, map, Some(&found.solution.theta), &findings.train).ok();
+        Ok(wanted.missing(found, judged.as_ref(), &fixed(map)))
+    }
 }

@@ -13,6 +13,7 @@ pub mod floor;
 pub mod guard;
 pub mod limits;
 pub mod sink;
+pub mod watchdog;
 
 use std::ops::ControlFlow;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -29,6 +30,7 @@ pub use floor::{Floor, FloorWatch, Leaving};
 pub use guard::Guard;
 pub use limits::{Bite, LimitError, Limiter, Wheels};
 pub use sink::{RowSink, Rows, SinkError};
+pub use watchdog::Watchdog;
 
 /// A drive that makes fewer than this share of its planned progress per step is given up: a clock that crawls would
 /// otherwise never end it.

@@ -7,6 +7,7 @@
 //! `docs/evidence.md` gives the definitions and where the thresholds come from.
 
 mod excitation;
+mod foresight;
 mod sampling;
 pub(crate) mod term;
 #[cfg(test)]
@@ -21,6 +22,7 @@ use crate::model::{ParameterMap, RegressorModel};
 use crate::noise::Autoregression;
 use crate::solver::SolveError;
 pub use excitation::{ChannelFacts, Excitation, PairFacts};
+pub use foresight::{Foresight, foresee};
 pub use sampling::{Rate, Sampling};
 use term::Term;
 

@@ -8,6 +8,7 @@ use wheelwright_core::robot::{Robot, RobotConfig, RobotError};
 
 use super::SimulatedRobot;
 use super::control::ControlLaw;
+use super::physics::Physics;
 use super::plant::PlantConstants;
 use super::sensors::Sensors;
 use crate::profiles;
@@ -43,6 +44,9 @@ pub struct Settings {
     /// Each period lasts `period` × (1 ± jitter), uniformly; stamps tell the true time.
     #[serde(default)]
     pub jitter: f64,
+    /// A control period takes its time by the world's clock, as on a robot; without it, as little as the machine can.
+    #[serde(default)]
+    pub realtime: bool,
     /// Body, wheels and motors.
     pub plant: PlantConstants,
     /// Low-level controller.
@@ -53,6 +57,9 @@ pub struct Settings {
     /// Measurement; exact by default.
     #[serde(default)]
     pub sensors: Sensors,
+    /// Physics beyond the rigid plant, each part by a table of its own; none by default.
+    #[serde(default, skip_serializing_if = "Physics::is_none")]
+    pub physics: Physics,
 }
 
 impl From<SimulatorConfig> for Settings {
@@ -103,7 +110,7 @@ impl SimulatorConfig {
     pub fn build(&self, seed: u64) -> Result<SimulatedRobot, RobotError> {
         self.settings.check()?;
         let robot = SimulatedRobot::new(&self.settings, seed);
-        check_effort(&self.settings, robot.plant().step())?;
+        check_effort(&self.settings, robot.step_length())?;
         Ok(robot)
     }
 }
@@ -167,6 +174,7 @@ impl Settings {
         for (key, value) in [("jitter", self.jitter), ("sensors.noise_correlation", s.noise_correlation)] {
             require(key, value, (0.0..1.0).contains(&value), "at least 0 and below 1")?;
         }
+        self.physics.check()?;
         self.limits.check().map_err(|e| e.inside("limits")).map_err(|e| RobotError::Config { key: e.path, reason: e.message })
     }
 }

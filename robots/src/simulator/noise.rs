@@ -12,6 +12,7 @@ pub(super) enum Source {
     RightWheel = 3,
     V = 4,
     Omega = 5,
+    Stamp = 6,
 }
 
 /// The generator of one source under a seed.

@@ -228,7 +228,7 @@ fn out_of(u: Sides, limit: f64) -> bool {
 }
 
 /// The zero of an affine function of two unknowns, from its values at the origin and at the two units.
-fn balance(f: impl Fn([f64; 2]) -> [f64; 2]) -> [f64; 2] {
+pub(super) fn balance(f: impl Fn([f64; 2]) -> [f64; 2]) -> [f64; 2] {
     let (origin, along, about) = (f([0.0, 0.0]), f([1.0, 0.0]), f([0.0, 1.0]));
     let (a11, a21) = (along[0] - origin[0], along[1] - origin[1]);
     let (a12, a22) = (about[0] - origin[0], about[1] - origin[1]);

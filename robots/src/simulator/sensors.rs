@@ -6,7 +6,8 @@ use serde::{Deserialize, Serialize};
 use wheelwright_core::channel::{self, Channel};
 
 use super::noise::{Noise, Source, stream};
-use super::plant::{PlantConstants, Sides, State};
+use super::physics::sensing::Observed;
+use super::plant::{PlantConstants, Sides};
 
 /// Number of measured channels.
 pub(super) const CHANNELS: usize = 7;
@@ -106,16 +107,16 @@ impl Sensing {
         }
     }
 
-    /// Measures the state at `time`, in the order of [`OUTPUTS`].
-    pub(super) fn measure(&mut self, time: f64, state: &State) -> [f64; CHANNELS] {
-        let angles = state.wheels.map(|angle| self.encoder(angle));
+    /// Measures what is there at `time`, in the order of [`OUTPUTS`].
+    pub(super) fn measure(&mut self, time: f64, seen: &Observed) -> [f64; CHANNELS] {
+        let angles = seen.angles.map(|angle| self.encoder(angle));
         let moved = self.last.map(|(before, last)| (time - before, turned(angles, last)));
         if let Some((_, turned)) = moved {
             self.odometry.advance(turned.to_body(self.track_width, self.wheel_radius));
         }
         self.last = Some((time, angles));
         let speeds = match (self.settings.velocity, moved) {
-            (VelocitySource::Instantaneous, _) => Sides::of_body(state.v, state.omega, self.track_width, self.wheel_radius),
+            (VelocitySource::Instantaneous, _) => seen.speeds,
             (VelocitySource::EncoderDifference, Some((elapsed, turned))) if elapsed > 0.0 => turned.map(|angle| angle / elapsed),
             (VelocitySource::EncoderDifference, _) => Sides::default(),
         };
@@ -123,7 +124,7 @@ impl Sensing {
         let speeds = Sides { left: speeds.left + left_noise, right: speeds.right + right_noise };
         let [v, omega] = speeds.to_body(self.track_width, self.wheel_radius);
         let [x, y, phi] = match self.settings.pose {
-            PoseSource::Exact => [state.x, state.y, state.phi],
+            PoseSource::Exact => seen.pose,
             PoseSource::Odometry => [self.odometry.x, self.odometry.y, self.odometry.phi],
         };
         [
