@@ -4,8 +4,18 @@ use wheelwright_core::config::ConfigError;
 use wheelwright_core::profile::RobotProfile;
 
 /// Built-in profiles: name and the text of `robot.toml`, with the sources in its comments.
-pub const BUILT_IN: [(&str, &str); 2] =
-    [("pioneer-3dx", include_str!("../profiles/pioneer-3dx.toml")), ("khepera-3", include_str!("../profiles/khepera-3.toml"))];
+pub const BUILT_IN: [(&str, &str); 10] = [
+    ("pioneer-3dx", include_str!("../profiles/pioneer-3dx.toml")),
+    ("khepera-3", include_str!("../profiles/khepera-3.toml")),
+    ("khepera-4", include_str!("../profiles/khepera-4.toml")),
+    ("turtlebot3-burger", include_str!("../profiles/turtlebot3-burger.toml")),
+    ("turtlebot3-waffle-pi", include_str!("../profiles/turtlebot3-waffle-pi.toml")),
+    ("turtlebot-4", include_str!("../profiles/turtlebot-4.toml")),
+    ("create-2", include_str!("../profiles/create-2.toml")),
+    ("create-3", include_str!("../profiles/create-3.toml")),
+    ("husky-a200", include_str!("../profiles/husky-a200.toml")),
+    ("warthog", include_str!("../profiles/warthog.toml")),
+];
 
 /// The built-in profile of that name.
 ///

@@ -217,8 +217,8 @@ impl PioneerEmulator {
         match self.phase {
             Phase::Sync(stage) => self.synchronise(stage, packet, answers),
             Phase::Ready if packet.kind == number::OPEN => self.open(),
-            Phase::Ready if packet.kind == number::SYNC0 => answers.extend(encode(number::SYNC0, &[])),
-            Phase::Ready if packet.kind == number::CLOSE => self.phase = Phase::Sync(0),
+            // Asked for the names once more, or from the beginning: the last answer was lost.
+            Phase::Ready if packet.kind <= number::SYNC2 => self.synchronise(packet.kind, packet, answers),
             Phase::Ready => {}
             Phase::Open => return self.obey(packet, answers),
         }

@@ -113,3 +113,36 @@ pub(super) fn two(values: &[String], command: &str) -> Result<[i32; 2], RobotErr
         _ => Err(RobotError::Fault(format!("its answer to `{command}` is `{}`, not two integers", values.join(",")))),
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    #[test]
+    fn answers_of_two_integers_are_read_and_others_refused() {
+        let values = |text: &str| text.split(',').map(str::to_owned).collect::<Vec<_>>();
+        assert_eq!(two(&values("-20850,20851"), "E").unwrap(), [-20850, 20851]);
+        for wrong in ["", "1", "1,2,3", "1,x", "1,99999999999"] {
+            assert!(matches!(two(&values(wrong), "E"), Err(RobotError::Fault(_))), "{wrong}");
+        }
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(2048))]
+        #[test]
+        fn lines_are_found_in_any_bytes(before in proptest::collection::vec(any::<u8>(), 0..80), cut in 0..100_usize) {
+            let stream = [&before[..], b"\ne,1,-2\r\n"].concat();
+            let (first, second) = stream.split_at(cut.min(stream.len()));
+            let mut buffer = first.to_vec();
+            let mut lines: Vec<String> = std::iter::from_fn(|| next_line(&mut buffer)).collect();
+            buffer.extend_from_slice(second);
+            lines.extend(std::iter::from_fn(|| next_line(&mut buffer)));
+            prop_assert_eq!(lines.last().map(String::as_str), Some("e,1,-2"));
+            for line in lines {
+                let _ = two(&line.split(',').map(str::to_owned).collect::<Vec<_>>(), "E");
+            }
+        }
+    }
+}

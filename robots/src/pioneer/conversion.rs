@@ -73,6 +73,11 @@ impl Conversion {
         }
     }
 
+    /// Units of heading a turn.
+    pub fn turn(&self) -> i64 {
+        (TAU / self.angle).round().max(1.0) as i64
+    }
+
     /// (v, ω) from the wheels' speeds \[m/s\].
     pub fn to_body(&self, left: f64, right: f64) -> [f64; 2] {
         [0.5 * (left + right), 0.5 * (right - left) * self.difference]
@@ -84,10 +89,13 @@ impl Conversion {
     }
 }
 
+/// Every counter of positions repeats after this many units, or after a multiple of it.
+pub(super) const WRAP: i64 = 4096;
+
 /// Follows a counter that wraps.
 ///
-/// Clients and servers of the family disagree where it wraps (15 bits, 16 bits, 12 bits); the difference modulo 4096 is
-/// right for all of them as long as it stays within half of that.
+/// Clients and servers of the family disagree where positions wrap (15 bits, 16 bits, 12 bits); the difference modulo
+/// [`WRAP`] is right for all of them as long as it stays within half of that. A heading wraps after a turn.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Unwrapped {
     last: Option<i16>,
@@ -95,10 +103,11 @@ pub(super) struct Unwrapped {
 }
 
 impl Unwrapped {
-    pub(super) fn follow(&mut self, raw: i16) -> i64 {
+    /// The counter's value without wraps, from its next reading; `wrap` is where it begins again, or a part of that.
+    pub(super) fn follow(&mut self, raw: i16, wrap: i64) -> i64 {
         self.total += match self.last {
             None => i64::from(raw),
-            Some(last) => (i64::from(raw) - i64::from(last) + 2048).rem_euclid(4096) - 2048,
+            Some(last) => (i64::from(raw) - i64::from(last) + wrap / 2).rem_euclid(wrap) - wrap / 2,
         };
         self.last = Some(raw);
         self.total

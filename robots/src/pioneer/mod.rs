@@ -22,7 +22,7 @@ use wheelwright_core::robot::{Robot, RobotError};
 use crate::wire::{Clock, Link, check_room, config as wrong, velocity_command};
 use command::number;
 pub use config::{CommandKind, OmegaSource, PioneerConfig};
-use conversion::{Conversion, Unwrapped};
+use conversion::{Conversion, Unwrapped, WRAP};
 use cycle::CycleClock;
 use executed::Execution;
 use firmware::Firmware;
@@ -101,6 +101,10 @@ impl Pioneer {
         }
         let firmware = firmware.unwrap_or_default();
         let cycle = if firmware.cycle == 0 { CYCLE } else { 1e-3 * f64::from(firmware.cycle) };
+        // A session that is left again is closed.
+        let close = |_: &RobotError| drop(session.send(&command::plain(number::CLOSE)));
+        let counted = cycles(config.period, cycle).and_then(|n| Ok((n, config.encoders.then(|| tick(&firmware)).transpose()?)));
+        let (cycles, tick) = counted.inspect_err(close)?;
         let mut robot = Self {
             session,
             conversion,
@@ -108,17 +112,17 @@ impl Pioneer {
             execution: Execution::new(config, conversion, &firmware),
             clock: CycleClock::new(cycle),
             cycle,
-            cycles: cycles(config.period, cycle)?,
+            cycles,
             timeout: Duration::from_secs_f64(config.timeout),
             stepped: config.clock == Clock::Stepped,
-            tick: if config.encoders { Some(tick(&firmware)?) } else { None },
+            tick,
             pose: [Unwrapped::default(); 3],
             last: None,
             measured: [0.0; OUTPUTS.len()],
             state: State::Driving,
             remarks,
         };
-        robot.prepare().inspect_err(|_| robot.leave())?;
+        robot.prepare()?;
         Ok(robot)
     }
 
@@ -139,7 +143,11 @@ impl Pioneer {
         for _ in 0..ENABLING {
             self.session.send(&command::plain(number::PULSE))?;
             self.advance()?;
-            if self.last.as_ref().is_some_and(Sip::motors_on) {
+            if let Some(sip) = self.last.take_if(|sip| sip.motors_on()) {
+                // The odometry is at zero since before the motors were on.
+                self.pose = [Unwrapped::default(); 3];
+                self.read(&sip);
+                self.last = Some(sip);
                 return Ok(());
             }
         }
@@ -211,10 +219,10 @@ impl Pioneer {
         let rotation = sip.tail.and_then(|t| t.rotation).filter(|_| self.omega == OmegaSource::Rotvel);
         let omega = rotation.map_or(from_wheels, |rate| (0.1 * f64::from(rate)).to_radians());
         let raw = [sip.x, sip.y, sip.heading];
-        let units = [c.distance, c.distance, c.angle];
+        let units = [(c.distance, WRAP), (c.distance, WRAP), (c.angle, c.turn())];
         let mut pose = [0.0; 3];
-        for ((pose, counter), (raw, unit)) in pose.iter_mut().zip(&mut self.pose).zip(raw.into_iter().zip(units)) {
-            *pose = counter.follow(raw) as f64 * unit;
+        for ((pose, counter), (raw, (unit, wrap))) in pose.iter_mut().zip(&mut self.pose).zip(raw.into_iter().zip(units)) {
+            *pose = counter.follow(raw, wrap) as f64 * unit;
         }
         let [x, y, phi] = pose;
         self.measured[..WITHOUT_ENCODERS].copy_from_slice(&[v, omega, x, y, phi, left, right, sip.volts()]);
@@ -269,6 +277,7 @@ impl Pioneer {
             let _ = self.session.send(&command::integer(number::ENABLE, 0));
         }
         let _ = self.session.send(&command::plain(number::CLOSE));
+        self.session.finish();
     }
 }
 

@@ -115,6 +115,11 @@ impl Session {
         self.link.send(packet)
     }
 
+    /// Sees to it that the last packets leave.
+    pub(super) fn finish(&mut self) {
+        self.link.finish();
+    }
+
     /// Lets a cycle pass where time only passes when asked to.
     pub(super) fn let_pass(&mut self) -> Result<(), RobotError> {
         match self.clock {

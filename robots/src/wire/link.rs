@@ -1,8 +1,8 @@
 //! A byte stream to a robot.
 
 use std::io::{ErrorKind, Write};
-use std::net::{TcpStream, ToSocketAddrs};
-use std::time::Duration;
+use std::net::{Shutdown, TcpStream, ToSocketAddrs};
+use std::time::{Duration, Instant};
 
 use wheelwright_core::robot::RobotError;
 
@@ -13,6 +13,8 @@ use super::serial::SerialPort;
 /// A peer that takes no byte for this long is gone.
 const WRITE_LIMIT: Duration = Duration::from_secs(1);
 const CONNECT_LIMIT: Duration = Duration::from_secs(3);
+/// How long the other end may take to hear the last words.
+const LAST_WORDS: Duration = Duration::from_millis(200);
 
 /// Where the robot is.
 #[derive(Debug, Clone, PartialEq)]
@@ -60,6 +62,20 @@ impl Link {
             Self::Tcp(stream) => stream.write_all(bytes).map_err(|e| lost("writing", &e)),
             #[cfg(unix)]
             Self::Serial(port) => port.write(bytes, WRITE_LIMIT).map_err(|e| lost("writing", &e)),
+        }
+    }
+
+    /// Sees to it that what was sent last arrives. A socket that is closed with bytes unread takes back what is on its way.
+    pub(crate) fn finish(&mut self) {
+        match self {
+            Self::Tcp(stream) => {
+                let end = Instant::now() + LAST_WORDS;
+                let mut unread = [0_u8; 4096];
+                let _ = stream.shutdown(Shutdown::Write);
+                while Instant::now() < end && read_tcp(stream, &mut unread, LAST_WORDS / 4).is_ok() {}
+            }
+            #[cfg(unix)]
+            Self::Serial(port) => port.finish(),
         }
     }
 

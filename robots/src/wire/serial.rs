@@ -34,6 +34,12 @@ impl SerialPort {
         read_within(&self.file, chunk, wait)
     }
 
+    /// Waits until everything written is on the wire.
+    pub(crate) fn finish(&mut self) {
+        // A line that is gone has nothing to wait for.
+        let _ = rustix::termios::tcdrain(&self.file);
+    }
+
     pub(crate) fn write(&mut self, bytes: &[u8], limit: Duration) -> std::io::Result<()> {
         write_within(&self.file, bytes, limit)
     }
