@@ -108,9 +108,9 @@ impl Execution {
     fn count(&mut self, wanted: [f64; 2], period: f64) {
         let executed = self.executed(wanted);
         self.tally.count(wanted, self.limited(wanted), executed);
-        for i in 0..2 {
+        for (i, ramped) in self.ramped.iter_mut().enumerate() {
             let change = (executed[i] - self.last[i]).abs();
-            self.ramped[i] += u64::from(self.ramps[i].is_some_and(|ramp| change > ramp * period));
+            *ramped += u64::from(self.ramps[i].is_some_and(|ramp| change > ramp * period));
         }
         self.last = executed;
     }
