@@ -12,6 +12,8 @@ mod selection;
 #[cfg(test)]
 mod tests;
 
+use std::cell::OnceCell;
+
 use nalgebra::DMatrix;
 use serde::Serialize;
 
@@ -25,6 +27,8 @@ use selection::{Chosen, Penalty, choose};
 
 /// Fewer training samples than this carry no flexible model.
 const FEWEST: usize = 100;
+/// Columns of a block of a product.
+const BLOCK: usize = 48;
 /// More training samples than this only cost time: the noise level is then known to a hundredth.
 const MOST: usize = 6000;
 /// Percent of fit between the model and its ceiling from which on the flexible model is tried with its own simulation as reference too.
@@ -104,28 +108,48 @@ struct Part<'a> {
     columns: Vec<DMatrix<f64>>,
     /// Rows at the start of each stretch that say nothing on the noise.
     skip: Vec<usize>,
+    /// Products of all columns and all outputs where noise is white: the same whichever output is explained.
+    plain: OnceCell<DMatrix<f64>>,
 }
 
 impl<'a> Part<'a> {
     fn new(library: &Library, data: &'a Dataset, reference: Option<&[Vec<Vec<f64>>]>) -> Self {
         let skip = data.stretches.iter().map(|s| library.unsettled(s)).collect();
-        Self { data, columns: library.of(data, reference), skip }
+        Self { data, columns: library.of(data, reference), skip, plain: OnceCell::new() }
     }
 
     fn samples(&self) -> usize {
         self.data.samples() - self.skip.iter().sum::<usize>()
     }
 
+    /// Gram matrix of columns and output where noise is white.
+    fn plain_gram(&self, output: usize) -> DMatrix<f64> {
+        let outputs: Vec<usize> = (0..self.data.outputs.len()).collect();
+        let all = self.plain.get_or_init(|| self.products(&outputs, |_| 0));
+        let p = all.ncols() - outputs.len();
+        let picked: Vec<usize> = (0..p).chain(std::iter::once(p + output)).collect();
+        all.select_columns(&picked).select_rows(&picked)
+    }
+
     /// Gram matrix of columns and output under the noise's colour.
     fn gram(&self, output: usize, ar: &Autoregression) -> DMatrix<f64> {
+        self.products(&[output], |rows| {
+            ar.whiten_all(rows);
+            ar.coefficients.len()
+        })
+    }
+
+    /// Products of columns and outputs, changed before; `change` says how many rows it leaves without sense.
+    fn products(&self, outputs: &[usize], change: impl Fn(&mut DMatrix<f64>) -> usize) -> DMatrix<f64> {
         let p = self.columns.first().map_or(0, DMatrix::ncols);
-        let mut gram = DMatrix::zeros(p + 1, p + 1);
+        let mut gram = DMatrix::zeros(p + outputs.len(), p + outputs.len());
         for ((stretch, columns), skip) in self.data.stretches.iter().zip(&self.columns).zip(&self.skip) {
-            let mut rows = columns.clone().insert_column(p, 0.0);
-            rows.column_mut(p).copy_from_slice(&stretch.outputs[output]);
-            ar.whiten_all(&mut rows);
-            let whole = rows.rows_range(ar.coefficients.len().max(*skip).min(rows.nrows())..);
-            gram += whole.tr_mul(&whole);
+            let mut rows = columns.clone().insert_columns(p, outputs.len(), 0.0);
+            for (k, output) in outputs.iter().enumerate() {
+                rows.column_mut(p + k).copy_from_slice(&stretch.outputs[*output]);
+            }
+            let senseless = change(&mut rows);
+            gram += square(&rows.rows_range(senseless.max(*skip).min(rows.nrows())..).into_owned());
         }
         gram
     }
@@ -150,6 +174,19 @@ impl<'a> Part<'a> {
         }
         gram
     }
+}
+
+/// XᵀX, block by block of its upper half: products of whole blocks are what a processor is quick at.
+fn square(x: &DMatrix<f64>) -> DMatrix<f64> {
+    let (p, transposed) = (x.ncols(), x.transpose());
+    let mut gram = DMatrix::zeros(p, p);
+    for start in (0..p).step_by(BLOCK) {
+        let end = (start + BLOCK).min(p);
+        let part = transposed.rows_range(..end) * x.columns_range(start..end);
+        gram.view_mut((0, start), part.shape()).copy_from(&part);
+    }
+    gram.fill_lower_triangle_with_upper_triangle();
+    gram
 }
 
 /// Outputs of each stretch, simulated from its first sample; `None` if any cannot be.
@@ -182,8 +219,7 @@ impl Fit {
     /// it would pass them off as colour. Then chooses strictly under that colour.
     fn of(part: &Part<'_>, output: usize) -> Self {
         let samples = part.samples() as f64;
-        let white = Autoregression { coefficients: Vec::new(), innovation: 1.0, variance: 1.0 };
-        let saturated = choose(&part.gram(output, &white), samples, Penalty::Akaike);
+        let saturated = choose(&part.plain_gram(output), samples, Penalty::Akaike);
         let chosen = choose(&part.gram(output, &colour(&part.left(output, &saturated))), samples, Penalty::ExtendedBayes);
         let ar = colour(&part.left(output, &chosen));
         Self { chosen, ar }

@@ -15,7 +15,7 @@ use nalgebra::{DMatrix, DVector};
 use serde::Serialize;
 
 use crate::dataset::{Dataset, Stretch};
-use crate::local::{self, FreeRun, Local};
+use crate::local::{self, FreeRun, Local, Point};
 use crate::model::{ParameterMap, RegressorModel, Sample};
 use crate::solver::SolveError;
 use model::{Integrating, axes, integral};
@@ -28,6 +28,10 @@ const SEEN: f64 = 4.0;
 const ONE: f64 = 0.005;
 /// A gain known no better than this says nothing of whether it is one.
 const KNOWN: f64 = 0.02;
+/// Shares c of the command by which feedback in proportion alone would fall short, tried where all gains are one.
+const SHARES: [f64; 3] = [0.05, 0.3, 1.5];
+/// Twice the difference of log-likelihoods beyond which a drive with integral action is excluded: chance exceeds it once in a thousand.
+const EXCLUDED: f64 = 10.83;
 /// An integral quicker than this \[1/s\] may have a free run worse by this factor before it is refined.
 const QUICK: f64 = 0.5;
 const QUICK_MARGIN: f64 = 3.0;
@@ -94,10 +98,10 @@ pub fn assess(
         return Ok(None);
     }
     let data = data.shortened(MOST);
-    let (run, _, sigma) = local::about(model, map, theta, &data)?;
+    let (run, point, sigma) = local::about(model, map, theta, &data)?;
     let fitted = Fitted::find(model, map, &run, &sigma, &places)?;
     let gains = gains(model, theta, std);
-    let mut found = IntegralAction { axes: Vec::new(), parameters: None, error_with: None, hidden: None, error_without: sigma };
+    let mut found = IntegralAction { axes: Vec::new(), parameters: None, error_with: None, hidden: None, error_without: sigma.clone() };
     for (k, &i) in places.iter().enumerate() {
         let lambda = fitted.as_ref().map(|f| f.lambdas[k]).filter(|(lambda, std)| *lambda > SEEN * std);
         let gain = gains.as_ref().map(|g| g[i]);
@@ -119,7 +123,12 @@ pub fn assess(
         found.parameters = Some(names.zip(fitted.theta).collect());
         found.error_with = Some(fitted.error);
     } else {
-        found.hidden = hidden(&found.axes);
+        let constants = local::time_constants(model, theta, &data);
+        let constants: Vec<f64> = places.iter().map(|i| constants[*i]).collect();
+        if let Some(warning) = hidden(&found.axes, &constants) {
+            let rival = Rival { model, map, theta, places: &places, constants: &constants };
+            found.hidden = rival.holds(&run, &point, &sigma)?.then_some(warning);
+        }
     }
     Ok(Some(found))
 }
@@ -151,12 +160,8 @@ impl Fitted {
         let wider = integrating.extend(map);
         let Some(z) = regressed(model, map, data, places) else { return Ok(None) };
         let mut run = FreeRun::new(&integrating, &wider, data, Vec::new());
-        let mut point = run.point(z, Vec::new());
-        let theta = wider.theta(&point.z);
-        for (start, stretch) in point.starts.iter_mut().zip(&data.stretches) {
-            start.truncate(data.outputs.len());
-            start.extend(offsets(model, &theta, stretch, places));
-        }
+        let theta = wider.theta(&z);
+        let point = begun(&run, model, z, &theta, places);
         // An integral that is there betters the free run before anything is refined, unless it is quick against the sampling; most
         // recordings end here.
         let quick = theta[map.offset.len()..].iter().any(|lambda| *lambda > QUICK);
@@ -197,6 +202,16 @@ fn regressed(model: &dyn RegressorModel, map: &ParameterMap, data: &Dataset, pla
     }
     z.truncate(free);
     Some(local::simulable(model, map, data, z).into_iter().chain(lambdas).collect())
+}
+
+/// A point with measured starts, whose integrals begin where their equations are right in the mean.
+fn begun(run: &FreeRun<'_>, model: &dyn RegressorModel, z: Vec<f64>, theta: &[f64], places: &[usize]) -> Point {
+    let mut point = run.point(z, Vec::new());
+    for (start, stretch) in point.starts.iter_mut().zip(&run.data.stretches) {
+        start.truncate(run.data.outputs.len());
+        start.extend(offsets(model, theta, stretch, places));
+    }
+    point
 }
 
 /// Where each integral of a stretch begins: what makes its equation right in the mean of the stretch.
@@ -265,19 +280,87 @@ fn gains(model: &dyn RegressorModel, theta: &[f64], std: &[f64]) -> Option<Vec<(
     Some(centre.into_iter().zip(variances).map(|(gain, v)| (gain, HALF_WIDTH * v.sqrt())).collect())
 }
 
-/// The warning of an integral that leaves nothing: every axis reaches what it is told, and is known to.
-fn hidden(axes: &[AxisIntegral]) -> Option<String> {
-    let exact = |a: &AxisIntegral| {
+/// The drive that would be taken for the one found: in proportion alone it would reach only 1/(1 + c) of what it is told, and an
+/// integral λ = c/T makes up for the rest, T being the time constant found. With the lag found it answers commands exactly as a drive
+/// of gain 1 without an integral does, whatever c is: its slow pole lies on its zero.
+struct Rival<'r> {
+    model: &'r dyn RegressorModel,
+    map: &'r ParameterMap,
+    theta: &'r [f64],
+    places: &'r [usize],
+    constants: &'r [f64],
+}
+
+impl Rival<'_> {
+    /// Whether the recording leaves such a drive standing: for some c its free run, fitted, is not worse than that of the model by
+    /// more than chance allows, in the likelihood of as many samples as the residual is worth.
+    fn holds(&self, run: &FreeRun<'_>, point: &Point, sigma: &[f64]) -> Result<bool, SolveError> {
+        let data = run.data;
+        let ar = run.linearise(point, sigma)?.autoregressions(sigma.len());
+        let worse = |error: &[f64]| {
+            let each = error.iter().zip(sigma).zip(&ar);
+            each.map(|((e, s), ar)| ar.effective_samples(data.samples()) * 2.0 * (e / s).ln()).sum::<f64>()
+        };
+        let integrating = Integrating::new(self.model, self.places, false);
+        for share in SHARES {
+            let mut wider = integrating.extend(self.map);
+            for (k, constant) in self.constants.iter().enumerate() {
+                let imposed = wider.impose(&[(self.theta.len() + k, 1.0)], share / constant);
+                imposed.map_err(SolveError::from)?;
+            }
+            let mut run = FreeRun::new(&integrating, &wider, data, Vec::new());
+            let z = local::free_values(self.map, &self.weakened(share));
+            let theta = wider.theta(&z);
+            let started = begun(&run, self.model, z, &theta, self.places);
+            if run.fit(started).is_ok_and(|(_, error)| worse(&error) < EXCLUDED) {
+                return Ok(true);
+            }
+        }
+        Ok(false)
+    }
+
+    /// θ with the coefficient of each axis' own output in its equation raised by c.
+    fn weakened(&self, share: f64) -> Vec<f64> {
+        let (n, known) = (self.model.outputs().len(), self.theta.len());
+        let mut theta = self.theta.to_vec();
+        let (inputs, accelerations) = (vec![0.0; self.model.inputs().len()], vec![0.0; n]);
+        for &axis in self.places {
+            let row = |value: f64| {
+                let (mut outputs, mut phi, mut y) = (vec![0.0; n], vec![0.0; n * known], vec![0.0; n]);
+                outputs[axis] = value;
+                self.model.regressor(Sample { inputs: &inputs, outputs: &outputs, accelerations: &accelerations }, &mut phi, &mut y);
+                phi[axis * known..(axis + 1) * known].to_vec()
+            };
+            let (up, down) = (row(1.0), row(-1.0));
+            let along: Vec<f64> = up.iter().zip(&down).map(|(u, d)| 0.5 * (u - d)).collect();
+            if let Some(j) = (0..known).find(|j| along[*j] != 0.0) {
+                theta[j] += share / along[j];
+            }
+        }
+        theta
+    }
+}
+
+/// The warning of an integral that leaves nothing: every axis reaches what it is told, and is known to. `constants` are the axes' time
+/// constants.
+fn hidden(axes: &[AxisIntegral], constants: &[f64]) -> Option<String> {
+    let exact = |(a, constant): (&AxisIntegral, &f64)| {
         let (gain, half) = (a.steady_gain?, a.steady_gain_half_width?);
         // A gain without an error is the model's own, not the data's.
-        (half > 0.0 && half <= KNOWN && (gain - 1.0).abs() <= half.max(ONE)).then(|| format!("{} {gain:.4} ± {half:.4}", a.output))
+        (half > 0.0 && half <= KNOWN && (gain - 1.0).abs() <= half.max(ONE)).then(|| {
+            // Without its controller a drive of gain g and time constant T has the time constant T/(1 − g).
+            let coasting = constant / (1.0 - (gain - half)).max(f64::MIN_POSITIVE);
+            (format!("{} {gain:.4} ± {half:.4}", a.output), coasting)
+        })
     };
-    let gains = axes.iter().map(exact).collect::<Option<Vec<_>>>()?;
+    let found = axes.iter().zip(constants).map(exact).collect::<Option<Vec<_>>>()?;
+    let gains: Vec<&str> = found.iter().map(|f| f.0.as_str()).collect();
+    let coasting = found.iter().map(|f| f.1).fold(f64::INFINITY, f64::min);
     Some(format!(
-        "the robot comes as near what it is told as can be measured (steady gain of {}): feedback in proportion alone does not, unless \
-         friction and back-EMF are nothing to it. If its drive integrates the error, nothing of that need show in the fit, and time constants and gains are \
-         those of the closed loop, not the robot's: a drive with integral action λ shows a gain of 1 and a time constant of (gain − 1)/λ. This \
-         recording cannot tell; steps from one steady speed to another, fast against 1/λ, would, or the same drive under load: without \
+        "this recording cannot tell whether the drive integrates the error: it reaches what it is told (steady gain of {}), and a drive \
+         with integral action fits as well. If it has none, the parameters are the robot's, and it would coast with a time constant of at least {coasting:.1} s \
+         were its controller switched off: an easy test. If it has, time constants and gains are those of the closed loop: an integral action λ shows a gain of 1 and \
+         a time constant of (gain − 1)/λ. Steps from one steady speed to another, fast against 1/λ, would tell, or the same drive under load: without \
          integral action the gain falls",
         gains.join(", ")
     ))

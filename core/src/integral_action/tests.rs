@@ -12,6 +12,8 @@ struct Axis {
     proportional: f64,
     derivative: f64,
     integral: f64,
+    /// Turning rate lost a unit of v ω.
+    coupling: f64,
 }
 
 impl Axis {
@@ -27,13 +29,13 @@ type Command = fn(f64) -> [f64; 2];
 
 /// Khepera-like: lags of 23 and 57 ms, gains of 1.05.
 fn khepera(integral: f64, drag: f64) -> [Axis; 2] {
-    let axis = |lag: f64| Axis { inertia: 0.8 * lag, drag, proportional: 1.0, derivative: 0.2 * lag, integral };
+    let axis = |lag: f64| Axis { inertia: 0.8 * lag, drag, proportional: 1.0, derivative: 0.2 * lag, integral, coupling: COUPLING };
     [axis(0.0228), axis(0.0568)]
 }
 
 /// Pioneer-like: lags of a quarter of a second.
 fn pioneer(integral: f64, drag: f64) -> [Axis; 2] {
-    [Axis { inertia: 0.4, drag: 2.0 * drag, proportional: 2.0, derivative: 0.12, integral: 2.0 * integral }; 2]
+    [Axis { inertia: 0.4, drag: 2.0 * drag, proportional: 2.0, derivative: 0.12, integral: 2.0 * integral, coupling: COUPLING }; 2]
 }
 
 const COUPLING: f64 = 0.05;
@@ -58,7 +60,7 @@ fn driven(axes: [Axis; 2], command: Command, seconds: f64, rate: f64, noise: [f6
         let one = |a: Axis, x: f64, r: f64, q: f64, coupling: f64| {
             (a.proportional * (r - x) + a.integral * q - a.drag * x + coupling) / (a.inertia + a.derivative)
         };
-        [one(axes[0], v, r[0], qv, 0.0), one(axes[1], w, r[1], qw, -axes[1].proportional * COUPLING * v * w), r[0] - v, r[1] - w]
+        [one(axes[0], v, r[0], qv, 0.0), one(axes[1], w, r[1], qw, -axes[1].proportional * axes[1].coupling * v * w), r[0] - v, r[1] - w]
     };
     let n = (seconds * rate) as usize;
     let time: Vec<f64> = (0..n).map(|k| k as f64 / rate).collect();
@@ -168,13 +170,35 @@ fn one_axis_that_falls_short_says_that_nothing_integrates() {
     v.drag = 0.05;
     let (_, found) = judged(&driven([v, w], sines, 50.0, 50.0, KHEPERA_NOISE, 1));
     assert_eq!(found.hidden, None, "{found:?}");
-    // Without any drag the gains are one, and no recording of such a drive could tell.
+    // Without any drag the gains are one, but turning still falls short by what the coupling takes.
     let (_, found) = judged(&driven(khepera(0.0, 0.0), sines, 50.0, 50.0, KHEPERA_NOISE, 1));
-    assert!(found.hidden.is_some());
+    assert_eq!(found.hidden, None, "{found:?}");
 }
 
 #[test]
 fn a_gain_that_is_hardly_known_warns_of_nothing() {
     let (_, found) = judged(&driven(khepera(10.0, 0.05), sines, 10.0, 50.0, [0.03, 0.3], 1));
     assert_eq!(found.hidden, None, "{found:?}");
+}
+
+#[test]
+fn a_gain_short_of_one_by_less_than_half_a_percent_is_proof_enough_where_it_is_known() {
+    for (noise, command) in [([0.0, 0.0], sines as Command), (KHEPERA_NOISE, sines), (KHEPERA_NOISE, steps)] {
+        let (_, found) = judged(&driven(khepera(0.0, 0.003), command, 80.0, 50.0, noise, 2));
+        let gain = found.axes[0].steady_gain.unwrap();
+        assert!((gain - 0.997).abs() < 1e-3, "{gain}");
+        assert_eq!(found.hidden, None, "{found:?}");
+    }
+}
+
+#[test]
+fn the_warning_says_how_long_the_robot_would_coast() {
+    // Gains of one and nothing that holds the robot back: no recording of such a drive could tell.
+    let [v, mut w] = khepera(0.0, 0.0);
+    w.coupling = 0.0;
+    let (_, found) = judged(&driven([v, w], sines, 50.0, 50.0, KHEPERA_NOISE, 1));
+    let warning = found.hidden.unwrap();
+    // 0.0228 s over a gain within some 4e-4 of one.
+    let coasting: f64 = warning.split("at least ").nth(1).unwrap().split(' ').next().unwrap().parse().unwrap();
+    assert!((3.0..300.0).contains(&coasting), "{warning}");
 }

@@ -5,7 +5,7 @@ use std::borrow::Cow;
 use crate::dataset::Stretch;
 
 /// The rows of a column, or all of them.
-pub(super) fn pick(column: Vec<f64>, rows: &Option<Vec<usize>>) -> Vec<f64> {
+pub(super) fn pick(column: Vec<f64>, rows: Option<&[usize]>) -> Vec<f64> {
     match rows {
         Some(rows) => rows.iter().map(|&k| column[k]).collect(),
         None => column,

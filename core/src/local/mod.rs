@@ -8,6 +8,8 @@ mod delay;
 mod scale;
 mod start;
 
+use std::borrow::Cow;
+
 use nalgebra::{DMatrix, DVector};
 
 use crate::dataset::{Dataset, Stretch};
@@ -16,7 +18,7 @@ use crate::noise::Autoregression;
 use crate::simulation::{DIFFERENCE, Direction, Simulator};
 use delay::{delayed, pick};
 pub(crate) use scale::{linear_part, plausible, time_constants};
-pub(crate) use start::{about, quick_fit, regression_start, rough_start, simulable};
+pub(crate) use start::{about, free_values, quick_fit, regression_start, rough_start, simulable};
 
 /// Columns whose norm is this small a share of the largest carry rounding only.
 const RANK: f64 = 1e-7;
@@ -35,6 +37,13 @@ pub(crate) struct FreeRun<'a> {
     max_step: f64,
     /// Range that delays stay in \[s\].
     delays: (f64, f64),
+}
+
+/// Differences to both sides, for what is reported, or to one, for the steps of a search.
+#[derive(Debug, Clone, Copy)]
+enum Sides {
+    Both,
+    One,
 }
 
 /// Values of the unknowns.
@@ -116,7 +125,7 @@ impl<'a> FreeRun<'a> {
         let (driven, rows) = delayed(stretch, &self.axes, delays);
         let mut simulated = vec![Vec::new(); start.len()];
         simulator.run(&driven, start, &mut simulated)?;
-        Ok(simulated.into_iter().map(|column| pick(column, &rows)).collect())
+        Ok(simulated.into_iter().map(|column| pick(column, rows.as_deref())).collect())
     }
 
     /// Root mean square error of each output at a point.
@@ -148,6 +157,10 @@ impl<'a> FreeRun<'a> {
 
     /// Errors and their derivatives about a point.
     pub(crate) fn linearise(&self, point: &Point, sigma: &[f64]) -> Result<Local, ModelError> {
+        self.differentiate(point, sigma, Sides::Both)
+    }
+
+    fn differentiate(&self, point: &Point, sigma: &[f64], sides: Sides) -> Result<Local, ModelError> {
         let theta = self.map.theta(&point.z);
         let free = point.z.len();
         let sizes = plausible(self.model, self.data, &theta);
@@ -157,22 +170,31 @@ impl<'a> FreeRun<'a> {
         let mut blocks = Vec::with_capacity(self.data.stretches.len());
         for (stretch, start) in self.data.stretches.iter().zip(&point.starts) {
             let (driven, rows) = delayed(stretch, &self.axes, &point.delays);
-            let simulated = self.run(&mut simulator, stretch, start, &point.delays)?;
-            let found = simulator.sensitivities(&driven, start, &directions)?;
+            let mut run = vec![Vec::new(); start.len()];
+            simulator.run(&driven, start, &mut run)?;
+            let found = match sides {
+                Sides::Both => simulator.sensitivities(&driven, start, &directions)?,
+                Sides::One => simulator.slopes(&driven, start, &directions, &run)?,
+            };
+            let simulated: Vec<Vec<f64>> = run.into_iter().map(|column| pick(column, rows.as_deref())).collect();
             let mut columns: Vec<Vec<Vec<f64>>> =
-                found.parameters.into_iter().map(|by_output| by_output.into_iter().map(|c| pick(c, &rows)).collect()).collect();
+                found.parameters.into_iter().map(|by_output| by_output.into_iter().map(|c| pick(c, rows.as_deref())).collect()).collect();
             for axis in 0..point.delays.len() {
                 let mut side = |sign: f64| {
                     let mut delays = point.delays.clone();
                     delays[axis] += sign * shift;
                     self.run(&mut simulator, stretch, start, &delays)
                 };
-                let (up, down) = (side(1.0)?, side(-1.0)?);
-                let slope = |(u, d): (&Vec<f64>, &Vec<f64>)| u.iter().zip(d).map(|(u, d)| (u - d) / (2.0 * shift)).collect();
-                columns.push(up.iter().zip(&down).map(slope).collect());
+                let up = side(1.0)?;
+                let (down, apart) = match sides {
+                    Sides::Both => (Cow::Owned(side(-1.0)?), 2.0 * shift),
+                    Sides::One => (Cow::Borrowed(&simulated), shift),
+                };
+                let slope = |(u, d): (&Vec<f64>, &Vec<f64>)| u.iter().zip(d).map(|(u, d)| (u - d) / apart).collect();
+                columns.push(up.iter().zip(down.iter()).map(slope).collect());
             }
             let starts: Vec<Vec<Vec<f64>>> =
-                found.initial.into_iter().map(|by_output| by_output.into_iter().map(|c| pick(c, &rows)).collect()).collect();
+                found.initial.into_iter().map(|by_output| by_output.into_iter().map(|c| pick(c, rows.as_deref())).collect()).collect();
             let error: Vec<Vec<f64>> =
                 stretch.outputs.iter().zip(&simulated).map(|(y, x)| y.iter().zip(x).map(|(y, x)| y - x).collect()).collect();
             let stacked = |columns: &[Vec<Vec<f64>>]| {
@@ -213,7 +235,7 @@ impl<'a> FreeRun<'a> {
         let mut sigma = self.noise(&point)?;
         for _ in 0..ITERATIONS {
             let cost = self.cost(&point, &sigma);
-            let local = self.linearise(&point, &sigma)?;
+            let local = self.differentiate(&point, &sigma, Sides::One)?;
             let Some((next, reached)) = self.step(&point, &local, &sigma, cost) else { break };
             point = next;
             sigma = self.noise(&point)?;

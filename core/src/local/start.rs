@@ -116,7 +116,7 @@ pub(crate) fn about<'a>(
 }
 
 /// The free values z whose θ = T z + c is nearest to the one given.
-fn free_values(map: &ParameterMap, theta: &[f64]) -> Vec<f64> {
+pub(crate) fn free_values(map: &ParameterMap, theta: &[f64]) -> Vec<f64> {
     let transform = DMatrix::from_row_slice(theta.len(), map.free.len(), &map.matrix);
     let right = DVector::from_fn(theta.len(), |i, _| theta[i] - map.offset[i]);
     scaled_solve(&transform, &right).as_slice().to_vec()

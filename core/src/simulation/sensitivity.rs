@@ -5,6 +5,8 @@
 //! equations would need the model's Jacobians, and many more steps for the same accuracy, because their forcing is not
 //! held between samples.
 
+use std::borrow::Cow;
+
 use super::Simulator;
 use crate::dataset::Stretch;
 use crate::model::ModelError;
@@ -39,6 +41,31 @@ impl Simulator<'_> {
     /// # Errors
     /// [`ModelError`] if a run to either side fails.
     pub fn sensitivities(&mut self, stretch: &Stretch, initial: &[f64], directions: &[Direction]) -> Result<Sensitivities, ModelError> {
+        self.differences(stretch, initial, directions, None)
+    }
+
+    /// The same at half the cost and good to about 1e-5 of its size, enough for a step of a search: differences to one side of
+    /// `run`, which is the free run at the current parameters with the same steps. Those to `initial` are central.
+    ///
+    /// # Errors
+    /// As [`sensitivities`](Self::sensitivities).
+    pub(crate) fn slopes(
+        &mut self,
+        stretch: &Stretch,
+        initial: &[f64],
+        directions: &[Direction],
+        run: &[Vec<f64>],
+    ) -> Result<Sensitivities, ModelError> {
+        self.differences(stretch, initial, directions, Some(run))
+    }
+
+    fn differences(
+        &mut self,
+        stretch: &Stretch,
+        initial: &[f64],
+        directions: &[Direction],
+        base: Option<&[Vec<f64>]>,
+    ) -> Result<Sensitivities, ModelError> {
         self.max_step = match self.fixed_step {
             Some(step) => step,
             None => self.chosen_step(stretch)?,
@@ -56,12 +83,15 @@ impl Simulator<'_> {
                 simulator.begin(stretch.len(), initial, &mut run);
                 simulator.proceed(stretch, 1..stretch.len(), &mut run).map(|()| run)
             };
-            let sides = side(self, direction.step).and_then(|up| Ok((up, side(self, -direction.step)?)));
+            let sides = side(self, direction.step).and_then(|up| match base {
+                Some(base) => Ok((up, Cow::Borrowed(base), direction.step)),
+                None => Ok((up, Cow::Owned(side(self, -direction.step)?), 2.0 * direction.step)),
+            });
             if sides.is_err() {
                 self.set_theta(&centre)?;
             }
-            let (mut up, down) = sides?;
-            difference(&mut up, &down, 0, direction.step);
+            let (mut up, down, apart) = sides?;
+            difference(&mut up, &down, 0, apart);
             parameters.push(up);
         }
         self.set_theta(&centre)?;
@@ -100,17 +130,17 @@ impl Simulator<'_> {
                 }
             }
             let [mut up, down] = runs;
-            difference(&mut up, &down, stretch.len(), step);
+            difference(&mut up, &down, stretch.len(), 2.0 * step);
             columns.push(up);
         }
         Ok(columns)
     }
 }
 
-/// (up − down) / (2 step) in place, padded with zeros to `rows`.
-fn difference(up: &mut [Vec<f64>], down: &[Vec<f64>], rows: usize, step: f64) {
+/// (up − down) / apart in place, padded with zeros to `rows`.
+fn difference(up: &mut [Vec<f64>], down: &[Vec<f64>], rows: usize, apart: f64) {
     for (u, d) in up.iter_mut().zip(down) {
-        u.iter_mut().zip(d).for_each(|(u, d)| *u = (*u - d) / (2.0 * step));
+        u.iter_mut().zip(d).for_each(|(u, d)| *u = (*u - d) / apart);
         let padded = u.len().max(rows);
         u.resize(padded, 0.0);
     }
