@@ -14,7 +14,7 @@ use crate::fit::search::Fit;
 use crate::fit::setting::Runner;
 use crate::holdout::{Explanation, Ground, Proof, Transfer, loss, shifted, transfer};
 use crate::question::{DiagnosisError, Question};
-use crate::residuals::{Residuals, Series};
+use crate::residuals::{Flag, Residuals, Series};
 use crate::screen::Response;
 use crate::select::{Rival, Search, Selected, State, TOLD};
 use crate::untestable;
@@ -50,7 +50,8 @@ pub(crate) fn tell(
     let noise = &selected.whitening.noise;
     let proof = Proven::new(question, search, selected);
     let (findings, open) = findings(search, selected, &proof);
-    let (flags, location) = review(question, search, selected)?;
+    let (mut flags, location) = review(question, search, selected)?;
+    flags.extend(search.effects(&selected.state.effects).iter().zip(&findings).filter_map(|(effect, finding)| beyond(*effect, finding)));
     let base_state = State { effects: Vec::new(), fit: selected.base.clone() };
     let screened = search.screen(&base_state, &selected.whitening, responses);
     let untestable = untestable::list(search, &screened, responses, &selected.state);
@@ -114,6 +115,13 @@ fn next_experiment(
         seed: question.seed,
     };
     Ok(design(&rivals)?)
+}
+
+/// What a finding's values say that its effect does not explain: all of it is left over.
+fn beyond(effect: &dyn Effect, finding: &Finding) -> Option<Flag> {
+    let estimates: Vec<Estimate> = finding.parameters.iter().map(|p| Estimate { value: p.value, ci95: p.ci95 }).collect();
+    let statement = effect.beyond(&estimates)?;
+    Some(Flag { test: "values beyond the effect", value: 1.0, threshold: 0.0, left_over: Some(1.0), statement, effect: None })
 }
 
 /// θ and effects' values of a state.
@@ -337,11 +345,7 @@ fn base_parameters(search: &Search<'_>, selected: &Selected) -> Vec<BaseParamete
 }
 
 /// Tests without a library on what the final model leaves.
-fn review(
-    question: &Question<'_>,
-    search: &Search<'_>,
-    selected: &Selected,
-) -> Result<(Vec<crate::residuals::Flag>, crate::finding::Location), DiagnosisError> {
+fn review(question: &Question<'_>, search: &Search<'_>, selected: &Selected) -> Result<(Vec<Flag>, Location), DiagnosisError> {
     let setting = &search.setting;
     let free = setting.free();
     let state = &selected.state;

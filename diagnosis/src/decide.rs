@@ -59,8 +59,9 @@ pub(crate) fn decide(weighed: Weighed<'_>) -> Decided {
     let verdict = match (nothing, left.is_empty()) {
         (true, true) => Verdict::NoMismatch,
         (_, false) => Verdict::Unexplained,
-        (false, true) if transfer == Transfer::Fails && moved => Verdict::Unexplained,
+        // A rival that these data cannot exclude may be what would transfer, with parameters that they do not show.
         (false, true) if rivals => Verdict::Ambiguous,
+        (false, true) if transfer == Transfer::Fails && moved => Verdict::Unexplained,
         (false, true) => Verdict::Explained,
     };
     let headline = headline(verdict, &findings, &left);

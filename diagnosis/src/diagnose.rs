@@ -77,7 +77,7 @@ fn other_readout<'a>(
     known: Option<&'a Known>,
 ) -> Result<Story<'a>, DiagnosisError> {
     let late = story.search.effects(&story.selected.state.effects);
-    if !late.iter().any(|e| matches!(e.stage(), Stage::Transport | Stage::Filter | Stage::Sensor)) {
+    if !late.iter().any(|e| matches!(e.stage(), Stage::Transport | Stage::Filter | Stage::Sensor)) || !story.barely_late() {
         return Ok(story);
     }
     let mut other = setting(question, data, scene, Readout::IntervalMean);
@@ -107,6 +107,7 @@ fn setting<'a>(question: &Question<'a>, data: &'a Dataset, scene: &'a Scene, rea
         readout,
         measured: layout.flat(data),
         steps: Vec::new(),
+        rough: None,
         floor: scene.scales.outputs.iter().map(|s| NUMERICAL * s).collect(),
         substeps: 1,
         tolerance: 0.0,
@@ -229,6 +230,14 @@ fn thinned(question: &Question<'_>) -> (Dataset, Option<Vec<Vec<f64>>>) {
 }
 
 impl Story<'_> {
+    /// Whether a lateness was found that half a sample could be a good part of.
+    fn barely_late(&self) -> bool {
+        let setting = &self.search.setting;
+        let values = &self.selected.state.fit.point.x[setting.free()..];
+        let parameters = self.search.parameters(&self.selected.state.effects);
+        parameters.iter().zip(values).any(|(p, v)| p.unit == "s" && *v > 0.0 && *v < setting.scene.scales.period)
+    }
+
     /// Twice the log-likelihood of the whole less what its effects cost. Comparable between readings of the same data: the scale of
     /// each reading's own noise counts with it.
     fn evidence(&self) -> f64 {

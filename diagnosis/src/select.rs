@@ -3,7 +3,7 @@
 //! The score of an addition is the extended Bayesian information criterion (Chen and Chen, Biometrika 95, 2008):
 //! gain − df ln N − 2 ln(size of the library), the gain twice a log-likelihood under noise that is whitened, df by numerical rank.
 
-use wheelwright_core::effect::{Effect, EffectParameter, Stage};
+use wheelwright_core::effect::{Effect, EffectParameter, Stage, Start};
 
 use crate::diagnose::Known;
 use crate::fit::Fitted;
@@ -25,6 +25,12 @@ const ENTRANTS: usize = 20;
 /// Rounds of the race: steps, and effects that go on after them. Six finish: the prototype of this method found the truth among so many
 /// always.
 const RACE: [(usize, usize); 2] = [(3, 10), (5, 6)];
+/// The same where a member's place is contested: what could replace it has been seen before.
+const CONTEST: [(usize, usize); 2] = [(3, 5), (5, 3)];
+/// Effects that enter that race.
+const CONTESTANTS: usize = 8;
+/// Starts of an effect that are tried beside the parameters of the regression.
+const UNBENT: usize = 6;
 /// Variants of one effect that may go on together.
 const VARIANTS: usize = 2;
 /// Linearised gain below which no refinement makes evidence: a free parameter gains one by chance.
@@ -120,6 +126,11 @@ impl<'s, 'a> Racing<'s, 'a> {
     }
 }
 
+/// Whether a start has the same value for all parameters.
+fn even(start: &Start) -> bool {
+    start.values.windows(2).all(|w| w[0] == w[1])
+}
+
 /// The first places, best first: each effect once, and not too many variants of one name.
 fn thinned<'s, 'a>(racing: Vec<Racing<'s, 'a>>, places: usize) -> Vec<Racing<'s, 'a>> {
     let mut kept: Vec<Racing<'s, 'a>> = Vec::with_capacity(places);
@@ -182,7 +193,13 @@ impl<'a> Search<'a> {
             let starts = candidates.iter().take(RESIMULATED.1).map(|c| first[c.response].start.clone()).collect();
             responses_at(&current, candidates[0].effect, self.effect(candidates[0].effect), starts)
         };
-        screened.iter().take(RESIMULATED.0).flat_map(of).collect()
+        // What a loop promised beside the base model says nothing of what it does beside another: it is always among them.
+        let closes = |c: &Vec<Candidate>| self.effect(c[0].effect).stage() == Stage::Loop;
+        let loops = screened.iter().filter(|c| closes(c)).flat_map(|c| {
+            let even = self.effect(c[0].effect).starts(self.setting.scene).into_iter().filter(even).collect();
+            responses_at(&current, c[0].effect, self.effect(c[0].effect), even)
+        });
+        screened.iter().filter(|c| !closes(c)).take(RESIMULATED.0).flat_map(of).chain(loops).collect()
     }
 
     /// Every effect of no family that the model has already, at all its starts; best effect and best start first.
@@ -218,16 +235,30 @@ impl<'a> Search<'a> {
     ///
     /// What a response far from the model promises is often not to be had: the base parameters would have to move too far for a
     /// linear answer. So more effects than can be fitted to the end enter a race and are thinned out by the likelihood they have reached.
-    pub(crate) fn refine(&self, state: &State, whitening: &Whitening, screened: &[Vec<Candidate>], responses: &[Response]) -> Vec<Refined> {
+    pub(crate) fn refine(
+        &self,
+        state: &State,
+        whitening: &Whitening,
+        screened: &[Vec<Candidate>],
+        responses: &[Response],
+        entrants: usize,
+        race: [(usize, usize); 2],
+    ) -> Vec<Refined> {
         let projection = self.projection(state, whitening);
         let rank = state.fit.rank(&self.setting);
         let before = state.fit.likelihood(&self.setting);
         let closes = |c: &Vec<Candidate>| self.effect(c[0].effect).stage() == Stage::Loop;
-        let open = screened.iter().filter(|c| c[0].gain > HOPELESS && !closes(c)).take(ENTRANTS);
+        let mut names: Vec<&str> = Vec::new();
+        let mut few = |c: &&Vec<Candidate>| {
+            let name = self.effect(c[0].effect).name();
+            names.push(name);
+            names.iter().filter(|n| **n == name).count() <= VARIANTS
+        };
+        let open = screened.iter().filter(|c| c[0].gain > HOPELESS && !closes(c)).filter(&mut few).take(entrants);
         let entrants = open.chain(screened.iter().filter(|c| closes(c)));
         let mut racing: Vec<Racing<'_, 'a>> =
             entrants.flat_map(|candidates| self.enter(state, &projection, whitening, candidates, responses)).collect();
-        for (trials, places) in RACE {
+        for (trials, places) in race {
             let effort = Effort { trials, ..RANKING };
             racing = racing.into_iter().map(|r| r.on(self, whitening, effort)).collect();
             racing.sort_by(|a, b| b.value.total_cmp(&a.value));
@@ -281,10 +312,17 @@ impl<'a> Search<'a> {
         let gentle = gentle.and_then(|c| at([&state.fit.point.x[..], &responses[c.response].start.values].concat()));
         if self.effect(candidates[0].effect).stage() == Stage::Loop {
             // A loop changes what every parameter does: what is linear about the open one says nothing. It enters closed, all columns new.
-            let even = |c: &&Candidate| responses[c.response].start.values.windows(2).all(|w| w[0] == w[1]);
+            let even = |c: &&Candidate| even(&responses[c.response].start);
             let closed = |c: &Candidate| at([&state.fit.point.x[..], &responses[c.response].start.values].concat());
             return candidates.iter().filter(even).filter_map(closed).collect();
         }
+        // The base fit bends its parameters to what the effect does; the regression that it started from may be nearer to the truth.
+        let rough = self.setting.rough.as_ref().filter(|_| state.effects.is_empty() && !responses[candidates[0].response].start.linear);
+        let unbent = rough.and_then(|z| {
+            let every = candidates.len().div_ceil(UNBENT);
+            let tried = candidates.iter().step_by(every).filter_map(|c| at([z, &responses[c.response].start.values[..]].concat()));
+            tried.reduce(|a, b| if b.value > a.value { b } else { a })
+        });
         let mut entered: Vec<Racing<'s, 'a>> = bold.into_iter().chain(gentle).collect();
         for racing in &mut entered {
             // The model's own columns are those it had without the effect until a step disappoints.
@@ -292,6 +330,7 @@ impl<'a> Search<'a> {
             let (own, all) = (racing.fit.columns.len(), racing.fit.point.x.len());
             linearise(&mut racing.runner, whitening, &mut racing.fit, own..all);
         }
+        entered.extend(unbent);
         entered
     }
 
@@ -353,7 +392,7 @@ impl<'a> Search<'a> {
                 &fresh
             };
             let screened = self.screen(&selected.state, &selected.whitening, responses);
-            let refined = self.refine(&selected.state, &selected.whitening, &screened, responses);
+            let refined = self.refine(&selected.state, &selected.whitening, &screened, responses, ENTRANTS, RACE);
             if depth == 0 {
                 selected.ranking = self.ranking(&screened, &refined);
             }
@@ -461,7 +500,7 @@ impl<'a> Search<'a> {
         let dropped = selected.state.effects[member];
         let screened = self.screen(&rest, &selected.whitening, &responses);
         let others: Vec<Vec<Candidate>> = screened.into_iter().filter(|c| c[0].effect != dropped).collect();
-        let refined = self.refine(&rest, &selected.whitening, &others, &responses);
+        let refined = self.refine(&rest, &selected.whitening, &others, &responses, CONTESTANTS, CONTEST);
         (rest, refined)
     }
 

@@ -207,6 +207,11 @@ pub trait Effect: Debug + Send + Sync {
     /// It names an interval where there is one.
     fn statement(&self, values: &[Estimate], scene: &Scene) -> String;
 
+    /// What fitted values say that is more than this effect: a filter that rings has something elastic in it. In a sentence; `None` if nothing.
+    fn beyond(&self, _values: &[Estimate]) -> Option<String> {
+        None
+    }
+
     /// The motion that shows it: "slow driving in both directions, through standstill".
     fn excitation(&self) -> &'static str;
 

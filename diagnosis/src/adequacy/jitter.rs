@@ -14,6 +14,9 @@ use super::bursts::FALSE_ALARM;
 /// Squared innovations are cut here, so that single outliers decide nothing.
 const CUT: f64 = 9.0;
 
+/// Share of the noise's variance, on the average, below which other noise covers the scatter.
+const COVERED: f64 = 0.1;
+
 /// Stamps that jitter.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Jitter {
@@ -56,7 +59,8 @@ pub(super) fn find(comparison: &Comparison<'_>) -> Option<Jitter> {
     let (variance, error) = growth(&squares, &slopes)?;
     let chance = growth_of_neighbours(&products, &pairs, variance) < 0.5 * variance;
     let orderly = variance < comparison.scene.scales.period.powi(2);
-    (variance > 2.0 * error && chance && orderly).then(|| Jitter {
+    let seen = variance * slopes.iter().sum::<f64>() > COVERED * slopes.len() as f64;
+    (variance > 2.0 * error && chance && orderly && seen).then(|| Jitter {
         deviation: variance.sqrt(),
         error: error / (2.0 * variance.sqrt()),
         z: combined,

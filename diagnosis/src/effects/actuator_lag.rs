@@ -78,6 +78,16 @@ impl Effect for ActuatorLag {
         }
     }
 
+    /// Lags in series never overshoot, and a loop of second order that is tuned well has no peak in its response: below a damping of 1/√2 it
+    /// has one.
+    fn beyond(&self, values: &[Estimate]) -> Option<String> {
+        let damping = values.last().filter(|_| self.resonant)?;
+        let most = damping.ci95.map_or(damping.value, |(_, upper)| upper);
+        let hertz = digits(1.0 / (std::f64::consts::TAU * values[0].value));
+        (most < std::f64::consts::FRAC_1_SQRT_2)
+            .then(|| format!("the drive resonates at {hertz} Hz: something in it is elastic, which no lag is"))
+    }
+
     fn excitation(&self) -> &'static str {
         late::EXCITATION
     }

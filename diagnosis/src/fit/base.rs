@@ -19,7 +19,10 @@ pub(crate) fn fit(setting: &mut Setting<'_>, question: &Question<'_>) -> Result<
             starts.extend(free_of(setting, theta));
         }
         match wheelwright_core::start::rough(setting.model, &setting.map, setting.data) {
-            Ok(z) => starts.push(z),
+            Ok(z) => {
+                setting.rough = Some(within(setting, z.clone()));
+                starts.push(z);
+            }
             Err(error) if starts.is_empty() => return Err(error.into()),
             Err(_) => {}
         }

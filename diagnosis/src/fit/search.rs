@@ -16,6 +16,9 @@ use super::whitening::Whitening;
 const OPTIMISM: f64 = 4.0;
 /// Distance in twice the log-likelihood at which a rival is none.
 const OUT_OF_REACH: f64 = 40.0;
+/// Rate per sampling interval beyond which no trial goes: within one interval a step comes nearer to its end than the numerical error, and all
+/// that is faster looks the same, but for the time that it takes to simulate.
+const TOO_FAST: f64 = 20.0;
 /// Least damping.
 const LEAST_DAMPING: f64 = 1e-12;
 
@@ -133,6 +136,7 @@ pub(crate) fn maximise(
     if unknowns == 0 {
         return fit;
     }
+    let fastest = runner.rate(&fit.point.x).max(TOO_FAST);
     let mut fresh = fit.columns.len() < unknowns || fit.columns.iter().any(Vec::is_empty);
     if fresh {
         linearise(runner, whitening, &mut fit, 0..unknowns);
@@ -157,7 +161,7 @@ pub(crate) fn maximise(
         let mut trial = fit.point.clone();
         trial.x.iter_mut().zip(step.iter()).for_each(|(x, s)| *x += s);
         clamp(&mut trial, setting.free(), runner);
-        let reached = evaluate(setting, runner, whitening, &trial);
+        let reached = if runner.rate(&trial.x) > fastest { None } else { evaluate(setting, runner, whitening, &trial) };
         let gain = reached.as_ref().map_or(f64::NEG_INFINITY, |r| r.likelihood(setting) - fit.likelihood(setting));
         match reached {
             Some(mut next) if gain > 0.0 => {

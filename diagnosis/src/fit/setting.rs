@@ -5,7 +5,7 @@ use wheelwright_core::Dataset;
 use wheelwright_core::effect::{Effect, EffectParameter, EffectSimulator, Scene};
 use wheelwright_core::least_squares::Limits;
 use wheelwright_core::model::{ModelError, ParameterMap, RegressorModel};
-use wheelwright_core::simulation::Readout;
+use wheelwright_core::simulation::{Readout, linear_part};
 
 use super::layout::Layout;
 
@@ -30,6 +30,8 @@ pub(crate) struct Setting<'a> {
     pub(crate) measured: Vec<f64>,
     /// Step of each free parameter for its column.
     pub(crate) steps: Vec<f64>,
+    /// Free parameters by regression, where there are such.
+    pub(crate) rough: Option<Vec<f64>>,
     /// Numerical error of each output.
     pub(crate) floor: Vec<f64>,
     /// Fewest steps between samples.
@@ -171,6 +173,17 @@ impl<'s, 'a> Runner<'s, 'a> {
             }
         }
         true
+    }
+
+    /// Fastest rate at which an output of the model at these unknowns follows, per sampling interval.
+    pub(crate) fn rate(&self, x: &[f64]) -> f64 {
+        let n = self.setting.layout.outputs();
+        let theta = self.setting.map.theta(&x[..self.setting.free()]);
+        let mut linear = vec![0.0; n * n];
+        match linear_part(self.setting.model, &theta, &mut linear) {
+            Ok(_) => (0..n).map(|i| linear[i * n + i].abs()).fold(0.0, f64::max) * self.setting.scene.scales.period,
+            Err(_) => f64::INFINITY,
+        }
     }
 
     /// Difference step of unknown `j` at a point, away from its upper bound.

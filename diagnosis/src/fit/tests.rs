@@ -35,6 +35,7 @@ fn fitted<T>(case: &Case, f: impl FnOnce(&Setting<'_>, &Whitening, &Fit) -> T) -
         readout: Readout::Instantaneous,
         measured: layout.flat(&case.data),
         steps: Vec::new(),
+        rough: None,
         floor: vec![1e-6; 2],
         substeps: 1,
         tolerance: 0.0,
