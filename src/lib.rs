@@ -14,6 +14,7 @@ pub mod documents;
 pub mod error;
 pub mod evidence;
 pub mod experiment;
+pub mod export;
 pub mod feedforward;
 pub mod inquiry;
 pub mod model_file;

@@ -81,3 +81,19 @@ fn payload_hurts_and_is_recovered_from() {
         assert!(again < 0.6 * old, "seed {seed}: {old} {again}");
     }
 }
+
+/// A payload put on while driving: adaptation comes within 20 % of a controller that was identified with it.
+#[test]
+fn adaptation_recovers_from_a_payload_put_on() {
+    for (bench, payload) in [(KHEPERA_BENCH, [4.5, 5.0]), (PIONEER_BENCH, [2.0, 1.8])] {
+        let native = bench.theta(Some(payload)).unwrap();
+        for seed in 0..SEEDS {
+            let laden = Trial { payload: Some(payload), ..Trial::default() };
+            let (_, native) = errors(bench, &Trial { theta: native.clone(), ..laden.clone() }, seed);
+            let step = Trial { loaded_at: Some(30.0), ..laden };
+            let (_, without) = errors(bench, &step, seed);
+            let (_, adapted) = errors(bench, &Trial { adapt: Some(30.0), ..step }, seed);
+            assert!(adapted < 1.2 * native && adapted < 0.5 * without, "{} seed {seed}: {native} {without} {adapted}", bench.name);
+        }
+    }
+}

@@ -71,16 +71,27 @@ const TABLE_4_2: [f64; 6] = [1.0939, 2.7351, 0.0595, 0.9216, 0.2005, 1.0739];
 
 /// All of them, in the order of the thesis.
 pub(crate) static CASES: [Case; 31] = [
-    track("Fig 4.2", "fig_4_2.toml", "perfect parameters, from rest, 50 rounds: the error decays, the parameters move slightly and return", |r| {
-        let log = &tracked(r, "Fig 4.2").log;
-        let (first, last) = (log.rms(0.0, 62.8).unwrap_or(f64::NAN), log.rms(3078.7, 3141.6).unwrap_or(f64::NAN));
-        let off = worst(&ends(r, "Fig 4.2"), &TRUE, |e, t| (e - t).abs());
-        (format!("round 1 {}, round 50 {}; parameters end within {off:.4}", metres(first), metres(last)), Verdict::of(last < 0.1 * first && off < 0.05))
-    }),
+    track(
+        "Fig 4.2",
+        "fig_4_2.toml",
+        "perfect parameters, from rest, 50 rounds: the error decays, the parameters move slightly and return",
+        |r| {
+            let log = &tracked(r, "Fig 4.2").log;
+            let (first, last) = (log.rms(0.0, 62.8).unwrap_or(f64::NAN), log.rms(3078.7, 3141.6).unwrap_or(f64::NAN));
+            let off = worst(&ends(r, "Fig 4.2"), &TRUE, |e, t| (e - t).abs());
+            (
+                format!("round 1 {}, round 50 {}; parameters end within {off:.4}", metres(first), metres(last)),
+                Verdict::of(last < 0.1 * first && off < 0.05),
+            )
+        },
+    ),
     with(track("Fig 4.3, gamma6 = 0.1", "fig_4_3.toml", "slow convergence", settling), &["controller.gamma=[0.0,0.0,0.0,0.0,0.0,0.1]"]),
     track("Fig 4.3, gamma6 = 1", "fig_4_3.toml", "faster", settling_faster),
     with(track("Fig 4.4, gamma6 = 10", "fig_4_3.toml", "faster still", settling_faster), &["controller.gamma=[0.0,0.0,0.0,0.0,0.0,10.0]"]),
-    with(track("Fig 4.4, gamma6 = 100", "fig_4_3.toml", "fastest; moves only while turning and off the wanted speed", settling_faster), &["controller.gamma=[0.0,0.0,0.0,0.0,0.0,100.0]"]),
+    with(
+        track("Fig 4.4, gamma6 = 100", "fig_4_3.toml", "fastest; moves only while turning and off the wanted speed", settling_faster),
+        &["controller.gamma=[0.0,0.0,0.0,0.0,0.0,100.0]"],
+    ),
     track("Fig 4.5, Table 4.1", "fig_4_5.toml", "1.0291, 0.3711, 0.2847, 0.9539, 0.1198, 1.0779", |r| {
         let (theta, off) = against(r, "Fig 4.5, Table 4.1", &TABLE_4_1);
         (format!("{}; at most {:.1} % off", numbers(&theta), 100.0 * off), Verdict::of(off < 0.03))
@@ -112,24 +123,44 @@ pub(crate) static CASES: [Case; 31] = [
         let most = outside.fold(f64::NEG_INFINITY, f64::max);
         (format!("at most {:.4} % beyond a bound, within one integration step", 100.0 * most.max(0.0)), Verdict::of(most < 0.01))
     }),
-    other(track("Fig 4.10, constant", "fig_4_10_constant.toml", "a constant input does not converge", |r| {
-        let widest = width(r, "Fig 4.10, constant");
-        (format!("widest 95 % interval {widest:.3}"), Verdict::of(widest > 5.0 * width(r, "Fig 4.10, multi-sine")))
-    }), Kind::Identify),
-    other(track("Fig 4.10, multi-sine", "fig_4_10_multisine.toml", "a rich input converges", |r| {
-        let widest = width(r, "Fig 4.10, multi-sine");
-        (format!("widest 95 % interval {widest:.3}"), Verdict::of(widest < 0.2 * width(r, "Fig 4.10, constant")))
-    }), Kind::Identify),
-    other(track("Table 4.3", "table_4_3.toml", "v 0.1/0.2/0.3 gives 0.1000/0.1999/0.3001, omega 2/4/6 gives 1.9987/4.0004/5.9990", |r| {
-        let (text, off) = steady(driven(r, "Table 4.3"), &[0.1, 0.2, 0.3], &[2.0, 4.0, 6.0], 5.0);
-        (text, Verdict::of(off < 0.02))
-    }), Kind::Drive),
-    other(track("Table 4.3, payload", "table_4_3_payload.toml", "0.0999/0.1999/0.2935, 1.9987/3.9987/5.9207", |r| {
-        let (text, _) = steady(driven(r, "Table 4.3, payload"), &[0.1, 0.2, 0.3], &[2.0, 4.0, 6.0], 5.0);
-        (text, Verdict::Cannot("the shortfall at full speed is the 298 mm/s limit of the real robot; without dry friction a payload changes no steady speed"))
-    }), Kind::Drive),
+    other(
+        track("Fig 4.10, constant", "fig_4_10_constant.toml", "a constant input does not converge", |r| {
+            let widest = width(r, "Fig 4.10, constant");
+            (format!("widest 95 % interval {widest:.3}"), Verdict::of(widest > 5.0 * width(r, "Fig 4.10, multi-sine")))
+        }),
+        Kind::Identify,
+    ),
+    other(
+        track("Fig 4.10, multi-sine", "fig_4_10_multisine.toml", "a rich input converges", |r| {
+            let widest = width(r, "Fig 4.10, multi-sine");
+            (format!("widest 95 % interval {widest:.3}"), Verdict::of(widest < 0.2 * width(r, "Fig 4.10, constant")))
+        }),
+        Kind::Identify,
+    ),
+    other(
+        track("Table 4.3", "table_4_3.toml", "v 0.1/0.2/0.3 gives 0.1000/0.1999/0.3001, omega 2/4/6 gives 1.9987/4.0004/5.9990", |r| {
+            let (text, off) = steady(driven(r, "Table 4.3"), &[0.1, 0.2, 0.3], &[2.0, 4.0, 6.0], 5.0);
+            (text, Verdict::of(off < 0.02))
+        }),
+        Kind::Drive,
+    ),
+    other(
+        track("Table 4.3, payload", "table_4_3_payload.toml", "0.0999/0.1999/0.2935, 1.9987/3.9987/5.9207", |r| {
+            let (text, _) = steady(driven(r, "Table 4.3, payload"), &[0.1, 0.2, 0.3], &[2.0, 4.0, 6.0], 5.0);
+            (
+                text,
+                Verdict::Cannot(
+                    "the shortfall at full speed is the 298 mm/s limit of the real robot; without dry friction a payload changes no steady speed",
+                ),
+            )
+        }),
+        Kind::Drive,
+    ),
     track("Fig 4.12", "fig_4_12.toml", "Khepera, all ones, adapted from 30 s on: the error grows", |r| grows(r, "Fig 4.12")),
-    other(track("Figs 4.13-4.15", "fig_4_13.toml", "0.0228, 0.0568, -0.0001, 1.0030, 0.0732, 0.9981", |r| identified(r, "Figs 4.13-4.15")), Kind::Identify),
+    other(
+        track("Figs 4.13-4.15", "fig_4_13.toml", "0.0228, 0.0568, -0.0001, 1.0030, 0.0732, 0.9981", |r| identified(r, "Figs 4.13-4.15")),
+        Kind::Identify,
+    ),
     track("Fig 4.16", "fig_4_16.toml", "identified, no adaptation: drastic improvement", |r| {
         let (ones, now) = (window(r, "Fig 4.12", 10.0, 30.0), late(r, "Fig 4.16"));
         (format!("{} after {} with all ones", metres(now), metres(ones)), Verdict::of(now < 0.2 * ones))
@@ -153,16 +184,27 @@ pub(crate) static CASES: [Case; 31] = [
         (format!("{} with, {} without, from 10 to 30 s; later noise erodes it", metres(with), metres(without)), Verdict::of(with < without))
     }),
     track("Fig 4.24", "fig_4_24.toml", "Pioneer, all ones, adapted from 30 s on: the error grows", |r| grows(r, "Fig 4.24")),
-    other(track("Figs 4.25-4.27", "fig_4_25.toml", "0.2183, 0.1918, -0.0050, 0.9993, -0.0279, 1.0142", |r| identified(r, "Figs 4.25-4.27")), Kind::Identify),
-    other(track("Table 4.4", "table_4_4.toml", "v 0.1/0.3/0.5 gives 0.0985/0.2927/0.4784, omega 0.5/1/1.5 gives 0.4771/0.9821/1.4597", |r| {
-        let (text, off) = steady(driven(r, "Table 4.4"), &[0.1, 0.3, 0.5], &[0.5, 1.0, 1.5], 6.0);
-        (text, Verdict::of(off < 0.05))
-    }), Kind::Drive),
-    other(track("Table 4.4, payload", "table_4_4_payload.toml", "0.0985/0.2917/0.4721, 0.4840/0.9847/1.4756", |r| {
-        let (text, off) = steady(driven(r, "Table 4.4, payload"), &[0.1, 0.3, 0.5], &[0.5, 1.0, 1.5], 6.0);
-        (text, Verdict::of(off < 0.06))
-    }), Kind::Drive),
-    track("Fig 4.28", "fig_4_28.toml", "identified, theta4 and theta6 frozen, adapted from 30 s on: small decrease", |r| improves(r, "Fig 4.28", 0.8)),
+    other(
+        track("Figs 4.25-4.27", "fig_4_25.toml", "0.2183, 0.1918, -0.0050, 0.9993, -0.0279, 1.0142", |r| identified(r, "Figs 4.25-4.27")),
+        Kind::Identify,
+    ),
+    other(
+        track("Table 4.4", "table_4_4.toml", "v 0.1/0.3/0.5 gives 0.0985/0.2927/0.4784, omega 0.5/1/1.5 gives 0.4771/0.9821/1.4597", |r| {
+            let (text, off) = steady(driven(r, "Table 4.4"), &[0.1, 0.3, 0.5], &[0.5, 1.0, 1.5], 6.0);
+            (text, Verdict::of(off < 0.05))
+        }),
+        Kind::Drive,
+    ),
+    other(
+        track("Table 4.4, payload", "table_4_4_payload.toml", "0.0985/0.2917/0.4721, 0.4840/0.9847/1.4756", |r| {
+            let (text, off) = steady(driven(r, "Table 4.4, payload"), &[0.1, 0.3, 0.5], &[0.5, 1.0, 1.5], 6.0);
+            (text, Verdict::of(off < 0.06))
+        }),
+        Kind::Drive,
+    ),
+    track("Fig 4.28", "fig_4_28.toml", "identified, theta4 and theta6 frozen, adapted from 30 s on: small decrease", |r| {
+        improves(r, "Fig 4.28", 0.8)
+    }),
     track("Fig 4.29", "fig_4_29.toml", "payload, no adaptation: worse", |r| {
         let (before, loaded) = (window(r, "Fig 4.28", 10.0, 30.0), window(r, "Fig 4.29", 10.0, 30.0));
         (format!("{}, {} without payload", metres(loaded), metres(before)), Verdict::of(loaded > 1.3 * before))
@@ -237,7 +279,10 @@ fn settling_faster(results: &Results) -> (String, Verdict) {
 
 fn grows(results: &Results, name: &str) -> (String, Verdict) {
     let (before, after) = (window(results, name, 10.0, 30.0), late(results, name));
-    (format!("{} before, {} from 90 to 120 s: the sampled loop is unstable beyond its bound", metres(before), metres(after)), Verdict::of(after > 3.0 * before))
+    (
+        format!("{} before, {} from 90 to 120 s: the sampled loop is unstable beyond its bound", metres(before), metres(after)),
+        Verdict::of(after > 3.0 * before),
+    )
 }
 
 fn improves(results: &Results, name: &str, share: f64) -> (String, Verdict) {
@@ -265,7 +310,8 @@ fn steady(recording: &Recording, v: &[f64], omega: &[f64], hold: f64) -> (String
     let mut at = |values: &[f64], wanted: f64, index: usize| {
         // The mean of the last second of the command: measurements carry noise.
         let end = hold * (index + 1) as f64;
-        let rows: Vec<f64> = recording.time().iter().zip(values).filter(|(t, _)| **t > end - 1.0 && **t < end - 0.05).map(|(_, x)| *x).collect();
+        let rows: Vec<f64> =
+            recording.time().iter().zip(values).filter(|(t, _)| **t > end - 1.0 && **t < end - 0.05).map(|(_, x)| *x).collect();
         let mean = rows.iter().sum::<f64>() / rows.len().max(1) as f64;
         worst = worst.max((mean / wanted - 1.0).abs());
         format!("{mean:.4}")

@@ -12,9 +12,10 @@ use wheelwright_core::robot::Live;
 
 use super::Shared;
 use super::console::Console;
+use super::halt::{self, Halt};
 use super::page::command_line;
 use super::setup::{Setup, profile};
-use super::track::{STOP, bounds, progress, watch_signals};
+use super::track::{bounds, progress};
 use crate::control::migration::{self, ALL_ONES, Case, MIGRATED, Migration, UNMIGRATED, error_of, informed, learn, tuning, verdict};
 use crate::control::plan::{envelope, knowledge, trajectory};
 use crate::control::run::Outcome;
@@ -53,7 +54,7 @@ pub(super) fn run(arguments: &Arguments, shared: &Shared, console: &Console) -> 
     let source = Subject { period: from.period, ..known.subject(source_theta, None, envelope(&safety)) };
     let tuned = tuning(from.controller.clone()).map_err(|e| setup.config.error_in("source.controller", e))?;
     let (trajectory, _) = trajectory(&setup.config, &setup.registry)?;
-    watch_signals()?;
+    let _halt = Halt::watch()?;
     let target = Target { setup: &setup, robot, known: &target, safety, console };
     let seed = setup.seed(shared);
     let (subject, found) = target.subject(seed)?;
@@ -103,7 +104,7 @@ impl Target<'_> {
         let table = super::setup::chosen(self.setup.config.sections.solver.as_ref(), None, super::setup::SOLVER);
         let solver = self.setup.registry.solver(table).map_err(|e| self.setup.config.error_in("solver", e))?;
         let mut show = progress(self.console);
-        let options = DriveOptions { safety: self.safety, stop: Some(&STOP), observer: Some(&mut show), ..DriveOptions::default() };
+        let options = DriveOptions { safety: self.safety, stop: Some(&halt::STOP), observer: Some(&mut show), ..DriveOptions::default() };
         let found = learn(robot, &*excitation, blank, &*solver, options);
         self.console.end_progress();
         found
@@ -128,10 +129,10 @@ impl Target<'_> {
         let mut section = run.section.clone();
         section.force |= !robot.real_time();
         let mut show = progress(self.console);
-        let options = DriveOptions { safety: self.safety, stop: Some(&STOP), observer: Some(&mut show), ..DriveOptions::default() };
+        let options = DriveOptions { safety: self.safety, stop: Some(&halt::STOP), observer: Some(&mut show), ..DriveOptions::default() };
         let outcome = TrackRun { section: &section, ..*run }.drive(&mut robot, options);
         self.console.end_progress();
-        match STOP.load(std::sync::atomic::Ordering::Relaxed) {
+        match halt::asked() {
             true => Err(Error::Usage("interrupted: the robot was stopped".to_owned())),
             false => outcome,
         }

@@ -6,6 +6,7 @@ mod design;
 mod diagnose;
 mod drive;
 mod emulate;
+mod export;
 mod halt;
 mod hold;
 mod identify;
@@ -93,6 +94,8 @@ enum Command {
     Track(track::Arguments),
     /// Carry a controller from one robot to another and show the tracking error before and after
     Migrate(migrate::Arguments),
+    /// Hand an identified model to other tools
+    Export(export::Arguments),
     /// Diagnose every case of a folder without any key, one answer file a case
     Trial(trial::Arguments),
     /// Score the answers of a trial against the key
@@ -131,6 +134,7 @@ pub fn main() -> u8 {
         Command::Simulate(arguments) => simulate::run(arguments, &cli.shared, &console),
         Command::Track(arguments) => track::run(arguments, &cli.shared, &console),
         Command::Migrate(arguments) => migrate::run(arguments, &cli.shared, &console),
+        Command::Export(arguments) => export::run(arguments, &cli.shared, &console),
         Command::Trial(arguments) => trial::run(arguments, &cli.shared, &console),
         Command::Score(arguments) => score::run(arguments, &cli.shared, &console),
         Command::Inspect(arguments) => inspect::run(arguments, &cli.shared, &console),

@@ -1,21 +1,22 @@
 //! `track`: a robot follows a trajectory under a controller.
 
 use std::path::PathBuf;
-use std::sync::atomic::{AtomicBool, Ordering};
 
 use clap::Args;
 use serde_json::json;
 use wheelwright_core::RobotProfile;
-use wheelwright_core::drive::{DriveOptions, DriveProgress, Safety, Wheels};
+use wheelwright_core::drive::{DriveOptions, DriveProgress, Safety};
 
 use super::Shared;
 use super::console::Console;
+use super::halt::{self, Halt};
 use super::page::command_line;
 use super::setup::{Setup, profile};
 use crate::control::run::Outcome;
 use crate::control::{ControlPlan, files};
 use crate::error::Error;
 use crate::output::Folder;
+use crate::record::RecordingFiles;
 use crate::report::track::{TrackPage, metres};
 
 #[derive(Debug, Args)]
@@ -37,10 +38,14 @@ pub(super) fn run(arguments: &Arguments, shared: &Shared, console: &Console) -> 
     let outcome = match setup.config.sections.robot.clone() {
         None => plan.run(&setup.config, None, None, DriveOptions { safety, ..DriveOptions::default() })?,
         Some(robot) => {
-            watch_signals()?;
+            let _halt = Halt::watch()?;
             let mut robot = setup.connect(robot, setup.seed(shared))?;
             let mut show = progress(console);
-            let options = DriveOptions { safety, stop: Some(&STOP), observer: Some(&mut show), ..DriveOptions::default() };
+            // Rows are kept as they come; what is joined with the desired motion is written at the end.
+            let channels = || robot.inputs().iter().chain(robot.outputs());
+            let mut files = folder.as_ref().map(|f| RecordingFiles::create(&f.path(""), channels())).transpose()?;
+            let sinks = files.as_mut().map(RecordingFiles::sinks).unwrap_or_default();
+            let options = DriveOptions { safety, sinks, stop: Some(&halt::STOP), observer: Some(&mut show), ..DriveOptions::default() };
             let outcome = plan.run(&setup.config, None, Some(&mut robot), options);
             console.end_progress();
             outcome?
@@ -49,19 +54,11 @@ pub(super) fn run(arguments: &Arguments, shared: &Shared, console: &Console) -> 
     conclude(&outcome, &plan, folder.as_ref(), shared, console)
 }
 
-/// What a drive keeps within: the limits of a profile, from the command line or the model file.
-pub(super) fn bounds(_setup: &Setup, given: Option<&RobotProfile>, own: Option<&RobotProfile>) -> Result<Safety, Error> {
-    let Some(profile) = given.or(own) else { return Ok(Safety::default()) };
-    let wheels = Wheels { track_width: profile.track_width, radius: profile.wheel_radius };
-    Ok(Safety { limits: profile.limits, wheels: Some(wheels), ..Safety::default() })
-}
-
-/// Raised by ctrl-C; the drive looks at it before every command.
-pub(super) static STOP: AtomicBool = AtomicBool::new(false);
-
-/// Without a handler ctrl-C would end the program between two commands, with the last one still held by the robot.
-pub(super) fn watch_signals() -> Result<(), Error> {
-    ctrlc::set_handler(|| STOP.store(true, Ordering::Relaxed)).map_err(|e| Error::Usage(format!("ctrl-C cannot be caught: {e}")))
+/// What a drive keeps within: the configuration's limits, and those of a profile, from the command line, the configuration or the
+/// model file.
+pub(super) fn bounds(setup: &Setup, given: Option<&RobotProfile>, own: Option<&RobotProfile>) -> Result<Safety, Error> {
+    let configured = setup.config.sections.limits.profile.is_some();
+    super::drive::safety(setup, given.or(own.filter(|_| !configured)))
 }
 
 /// A line of progress, as often as an eye can follow.

@@ -22,6 +22,7 @@ use wheelwright_models::VwPdConfig;
 use wheelwright_models::physics::{PhysicalConstants, VwGains, vw_pd_theta};
 use wheelwright_robots::SimulatorConfig;
 use wheelwright_robots::simulator::ControlLaw;
+use wheelwright_robots::simulator::physics::Payload;
 
 /// A Khepera III with 20 ms, 3 mm/s of noise on each wheel, encoder counts and 0.5 m/s.
 const KHEPERA: &str = "
@@ -97,23 +98,35 @@ pub(crate) struct Trial {
     pub(crate) projection: Option<Projection>,
     /// Saturation control.
     pub(crate) saturation: bool,
+    /// Time at which the payload is put on \[s\]; it is there from the start if absent.
+    pub(crate) loaded_at: Option<f64>,
     /// Factors on mass and yaw inertia.
     pub(crate) payload: Option<[f64; 2]>,
 }
 
 impl Bench {
-    fn simulator(&self, payload: Option<[f64; 2]>) -> Result<SimulatorConfig, Box<dyn std::error::Error>> {
+    fn simulator(&self, payload: Option<[f64; 2]>, at: Option<f64>) -> Result<SimulatorConfig, Box<dyn std::error::Error>> {
         let mut config = SimulatorConfig::try_from(self.robot.parse::<Table>()?)?;
-        if let Some([mass, inertia]) = payload {
-            config.settings.plant.mass *= mass;
-            config.settings.plant.yaw_inertia *= inertia;
+        let plant = &mut config.settings.plant;
+        match (payload, at) {
+            (None, _) => {}
+            (Some([mass, inertia]), None) => {
+                plant.mass *= mass;
+                plant.yaw_inertia *= inertia;
+            }
+            // Put where the robot's own centre of mass is, so that it changes nothing else.
+            (Some([mass, inertia]), Some(time)) => {
+                let (extra, turning) = ((mass - 1.0) * plant.mass, (inertia - 1.0) * plant.yaw_inertia);
+                let load = Payload { mass: extra, time, until: None, x: plant.com_offset, y: 0.0, inertia: turning };
+                config.settings.physics.payload = Some(load);
+            }
         }
         Ok(config)
     }
 
     /// The parameters that its constants make, with a payload or without.
     pub(crate) fn theta(&self, payload: Option<[f64; 2]>) -> Result<Vec<f64>, Box<dyn std::error::Error>> {
-        let settings = self.simulator(payload)?.settings;
+        let settings = self.simulator(payload, None)?.settings;
         let p = settings.plant;
         let ControlLaw::VwPd(g) = settings.controller else { return Err("a controller on v and omega is needed".into()) };
         let constants = PhysicalConstants {
@@ -134,7 +147,7 @@ impl Bench {
 
     /// Tracks for `duration` \[s\] from rest at the trajectory's beginning.
     pub(crate) fn run(&self, trial: &Trial, seed: u64, duration: f64) -> Result<TrackLog, Box<dyn std::error::Error>> {
-        let simulator = self.simulator(trial.payload)?;
+        let simulator = self.simulator(trial.payload, trial.loaded_at)?;
         let plant = simulator.settings.plant;
         let mut robot = Live::new(Box::new(simulator.build(seed)?));
         let theta = if trial.theta.is_empty() { self.theta(None)? } else { trial.theta.clone() };
