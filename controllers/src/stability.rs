@@ -192,8 +192,8 @@ impl Loop<'_> {
         let mut drift = vec![0.0; self.theta.len()];
         for k in 0..LOOKS {
             let at = trajectory.at(duration * (k as f64 + 0.5) / LOOKS as f64);
-            for axis in 0..2 {
-                let fed = own[axis].noise_gain(&believed[axis], gains[axis], self.subject.period);
+            for (axis, own) in own.iter().enumerate() {
+                let fed = own.noise_gain(&believed[axis], gains[axis], self.subject.period);
                 law.noise_gradient([at.v, at.omega], axis, noise[axis] * (1.0 + fed).sqrt(), &mut drift);
             }
         }

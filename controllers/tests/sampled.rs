@@ -33,8 +33,9 @@ fn the_flip_bounds_of_the_two_robots() {
     let ones = [Axis { inertia: 1.0, damping: 1.0 }; 2];
     for (own, period, expected) in [(KHEPERA, 0.02, [3.43, 6.74]), (PIONEER, 0.1, [5.44, 4.92]), (PIONEER, 0.3, [2.68, 2.54])] {
         let own = axes(&pd_subject(&own, period), &own);
-        for i in 0..2 {
-            assert!((own[i].largest_gain(&ones[i], period) - expected[i]).abs() < 0.006, "{:?}", own[i].largest_gain(&ones[i], period));
+        for ((own, believed), expected) in own.iter().zip(&ones).zip(expected) {
+            let found = own.largest_gain(believed, period);
+            assert!((found - expected).abs() < 0.006, "{found} {expected}");
         }
     }
 }

@@ -177,9 +177,9 @@ impl Frame {
         let (width, height) = (self.scale * self.size[0], self.scale * self.size[1]);
         let step = round_step(self.size[0].max(self.size[1]) / 5.0);
         let mut grid = String::new();
-        for axis in 0..2 {
-            let first = (self.low[axis] / step).ceil() as i64;
-            let last = ((self.low[axis] + self.size[axis]) / step).floor() as i64;
+        for (axis, (low, size)) in self.low.into_iter().zip(self.size).enumerate() {
+            let first = (low / step).ceil() as i64;
+            let last = ((low + size) / step).floor() as i64;
             for i in first..=last {
                 let value = i as f64 * step;
                 let label = number::significant(value, 3);

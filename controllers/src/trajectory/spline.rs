@@ -74,10 +74,8 @@ mod tests {
     fn it_is_scipys_natural_spline() {
         let spline = Spline::through(&[[0.0, 0.0], [1.0, 0.5], [2.0, -0.5], [3.5, 1.0]]);
         let [x, y] = spline.at(1.7);
-        let expected_x = SCIPY.map(|p| p[0]);
-        let expected_y = SCIPY.map(|p| p[1]);
-        for i in 0..4 {
-            assert!((x[i] - expected_x[i]).abs() < 1e-13 && (y[i] - expected_y[i]).abs() < 1e-12, "{i}: {x:?} {y:?}");
+        for ((x, y), expected) in x.iter().zip(y).zip(SCIPY) {
+            assert!((x - expected[0]).abs() < 1e-13 && (y - expected[1]).abs() < 1e-12, "{x} {y} {expected:?}");
         }
     }
 
