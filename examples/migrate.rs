@@ -16,7 +16,8 @@ use wheelwright::prelude::*;
 use wheelwright::robots::SimulatorConfig;
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
-    let khepera = || -> Result<Live, Box<dyn std::error::Error>> { Ok(Live::new(Box::new(SimulatorConfig::preset("khepera-3")?.build(1)?))) };
+    let khepera =
+        || -> Result<Live, Box<dyn std::error::Error>> { Ok(Live::new(Box::new(SimulatorConfig::preset("khepera-3")?.build(1)?))) };
     let theta = vec![0.2183, 0.1918, -0.0050, 0.9993, -0.0279, 1.0142];
     let model = Arc::from(VwPdConfig::default().build()?);
     let pioneer = Subject { model, theta, intervals: vec![None; 6], own: None, period: 0.1, envelope: Envelope::default() };

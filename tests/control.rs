@@ -210,7 +210,7 @@ fn the_same_course_runs_on_simulator_and_emulators() {
     let folder = tempfile::tempdir().unwrap();
     // A port that was free a moment ago.
     let port = std::net::TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap().port();
-    let pty = folder.path().join("khepera");
+    let pty = folder.path().join("pty");
     let _pioneer = emulate("examples/emulate_pioneer.toml", &format!("emulator.listen=\"127.0.0.1:{port}\""));
     let _khepera = emulate("examples/emulate_khepera.toml", &format!("emulator.pty=\"{}\"", pty.display()));
     let robots = [

@@ -101,7 +101,8 @@ fn a_model_from_voltages_is_inverted_too() {
     let theta = vec![2.5, 0.4, 2.6, 0.5];
     let subject = Subject { model, theta: theta.clone(), intervals: vec![None; 4], own: None, period: 0.02, envelope };
     let config = config::tagged::<Box<dyn ControllerConfig>>(table("inverse-dynamics", "k = [1, 2, 2]\nkv = 2\nkw = 2")).unwrap();
-    let trajectory = config::tagged::<Box<dyn TrajectoryConfig>>(table("circle", "radius = 1\nspeed = 0.5")).unwrap().build(&envelope).unwrap();
+    let trajectory =
+        config::tagged::<Box<dyn TrajectoryConfig>>(table("circle", "radius = 1\nspeed = 0.5")).unwrap().build(&envelope).unwrap();
     let mut live = config.build(&subject).unwrap();
     // On the circle with the right speeds: left 0.35, right 0.65 m/s, and no acceleration is wanted.
     let r = trajectory.at(3.0);
