@@ -15,9 +15,7 @@ use std::time::Duration;
 use serde::{Deserialize, Serialize};
 use wheelwright::record::RecordingFiles;
 use wheelwright_core::channel::{self, Channel};
-use wheelwright_core::drive::{
-    DeadMan, DriveError, DriveOptions, DriveProgress, Floor, RowSink, Safety, SinkError, Watchdog, drive,
-};
+use wheelwright_core::drive::{DeadMan, DriveError, DriveOptions, DriveProgress, Floor, RowSink, Safety, SinkError, Watchdog, drive};
 use wheelwright_core::excitation::{Excitation, ExcitationError};
 use wheelwright_core::profile::Limits;
 use wheelwright_core::recording::ReadOptions;
@@ -96,8 +94,13 @@ impl Robot for Faulty {
         let mut advance = PERIOD;
         if !(struck && self.fault == Fault::FrozenData) {
             let [_, _, x, y, phi] = self.measured;
-            self.measured =
-                [command[0], command[1], x + PERIOD * command[0] * phi.cos(), y + PERIOD * command[0] * phi.sin(), phi + PERIOD * command[1]];
+            self.measured = [
+                command[0],
+                command[1],
+                x + PERIOD * command[0] * phi.cos(),
+                y + PERIOD * command[0] * phi.sin(),
+                phi + PERIOD * command[1],
+            ];
         }
         if struck {
             let timeout = |what: &str| RobotError::Timeout { limit_s: 0.2, what: what.to_owned() };
@@ -194,8 +197,10 @@ fn drive_into(folder: &Path, fault: Fault, real_time: bool, options: impl FnOnce
         }))
     };
     let log = log.lock().unwrap();
-    let rows: Vec<usize> =
-        paths.iter().map(|p| wheelwright::recordings::open(p, &ReadOptions::default()).unwrap_or_else(|e| panic!("{fault:?}: {e}")).rows()).collect();
+    let rows: Vec<usize> = paths
+        .iter()
+        .map(|p| wheelwright::recordings::open(p, &ReadOptions::default()).unwrap_or_else(|e| panic!("{fault:?}: {e}")).rows())
+        .collect();
     assert_eq!(rows[0], rows[1], "{fault:?}: CSV and MCAP hold the same rows");
     Ended { outcome: outcome.ok(), cycles: log.commands.len().saturating_sub(STRIKE - 1), stops: log.stops, rows: rows[0] }
 }
@@ -268,7 +273,8 @@ fn a_stop_that_is_asked_for_comes_before_the_next_command() {
     let flag: &'static AtomicBool = Box::leak(Box::new(AtomicBool::new(false)));
     let observer: &'static mut dyn FnMut(&DriveProgress<'_>) =
         Box::leak(Box::new(|p: &DriveProgress<'_>| flag.store(at_strike(p), Ordering::Relaxed)));
-    let ended = ended_by("stop asked for", "stopped by request", false, |o| DriveOptions { stop: Some(flag), observer: Some(observer), ..o });
+    let ended =
+        ended_by("stop asked for", "stopped by request", false, |o| DriveOptions { stop: Some(flag), observer: Some(observer), ..o });
     assert!(ended.cycles <= CYCLES, "{}", ended.cycles);
 }
 
@@ -281,7 +287,11 @@ fn a_key_let_go_stops_before_the_next_command() {
             switch.release();
         }
     }));
-    let ended = ended_by("dead man's switch released", "dead man", false, |o| DriveOptions { dead_man: Some(switch), observer: Some(observer), ..o });
+    let ended = ended_by("dead man's switch released", "dead man", false, |o| DriveOptions {
+        dead_man: Some(switch),
+        observer: Some(observer),
+        ..o
+    });
     assert!(ended.cycles <= CYCLES, "{}", ended.cycles);
 }
 

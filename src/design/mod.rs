@@ -15,7 +15,7 @@ use serde::Deserialize;
 use wheelwright_core::channel::{Channel, OMEGA, OMEGA_REF, PHI, V, V_REF, X, Y};
 use wheelwright_core::config::ConfigError;
 use wheelwright_core::dataset::{Dataset, Stretch};
-use wheelwright_core::drive::{FloorWatch, Limiter, Safety};
+use wheelwright_core::drive::{Floor, FloorWatch, Limiter, Safety};
 use wheelwright_core::identifiability::{Foresight, foresee};
 use wheelwright_core::model::{ParameterMap, RegressorModel};
 
@@ -25,6 +25,8 @@ use candidate::Candidate;
 
 /// Half the width of a 95 % interval in standard errors.
 const HALF_WIDTH: f64 = 1.96;
+/// Kept free beyond the floor's margin \[m\]: the robot will not drive quite as foreseen, and must not be stopped for that.
+const ROOM: f64 = 0.1;
 /// Looks at the intervals over a candidate's length.
 const LOOKS: usize = 120;
 
@@ -221,6 +223,7 @@ impl Task<'_> {
         let outputs = self.model.outputs();
         let column = |channel: &Channel| outputs.iter().position(|c| c.name == channel.name).map(|i| &foreseen.outputs[i]);
         let (Some(floor), Some(v), Some(omega)) = (self.safety.floor, column(&V), column(&OMEGA)) else { return f64::INFINITY };
+        let floor = Floor { margin: floor.margin + ROOM, ..floor };
         let watched = [V, OMEGA, X, Y, PHI];
         let inputs = [V_REF, OMEGA_REF];
         let Some(mut watch) = FloorWatch::new(floor, self.safety.limits.v_dot, self.period, &inputs, &watched) else {
