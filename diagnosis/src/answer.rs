@@ -1,7 +1,7 @@
 //! From a finished search to what is said: findings, proof, verdict.
 
 use wheelwright_core::Dataset;
-use wheelwright_core::effect::{Effect, Estimate, Scene};
+use wheelwright_core::effect::{Confusion, Effect, Estimate, Scene};
 
 use crate::adequacy;
 use crate::decide::{Weighed, decide};
@@ -293,6 +293,17 @@ fn findings(search: &Search<'_>, selected: &Selected, proof: &Proven) -> (Vec<Fi
     (all, open)
 }
 
+/// What the library says of two effects that look alike.
+fn confusion(a: &dyn Effect, b: &dyn Effect) -> Option<&'static Confusion> {
+    let declared = a.confusions().iter().find(|c| c.with == b.name());
+    declared.or_else(|| b.confusions().iter().find(|c| c.with == a.name()))
+}
+
+/// The same, of effects that are one mathematics under every drive.
+pub(crate) fn always(a: &dyn Effect, b: &dyn Effect) -> Option<&'static Confusion> {
+    confusion(a, b).filter(|c| c.because.starts_with(ALWAYS))
+}
+
 /// Rivals near enough to be mentioned, each name once.
 fn alternatives(search: &Search<'_>, found: &dyn Effect, rivals: &[Rival]) -> Vec<Alternative> {
     let mut all: Vec<Alternative> = Vec::new();
@@ -301,10 +312,8 @@ fn alternatives(search: &Search<'_>, found: &dyn Effect, rivals: &[Rival]) -> Ve
         if effect.name() == found.name() || all.iter().any(|a| a.name == effect.name()) {
             continue;
         }
-        let declared = found.confusions().iter().find(|c| c.with == effect.name());
-        let mirrored = effect.confusions().iter().find(|c| c.with == found.name());
-        let declared = declared.or(mirrored);
-        let always = declared.is_some_and(|c| c.because.starts_with(ALWAYS));
+        let declared = confusion(found, effect);
+        let always = always(found, effect).is_some();
         let why = declared.map_or_else(|| "it explains this recording nearly as well".to_owned(), |c| c.because.to_owned());
         all.push(Alternative {
             name: effect.name().to_owned(),

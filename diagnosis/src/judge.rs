@@ -6,7 +6,7 @@
 
 use wheelwright_core::Dataset;
 
-use crate::answer::{AMBIGUOUS, MENTIONED, explanation};
+use crate::answer::{MENTIONED, always, explanation};
 use crate::holdout::{Ground, loss, shifted};
 use crate::question::Question;
 use crate::select::{Search, Selected, State};
@@ -23,17 +23,23 @@ pub(crate) fn judged(question: &Question<'_>, search: &Search<'_>, mut selected:
     while member < selected.rivals.len() && turns > 0 {
         turns -= 1;
         let rivals = std::mem::take(&mut selected.rivals[member]);
-        let (near, far): (Vec<_>, Vec<_>) = rivals.into_iter().partition(|r| r.gap < AMBIGUOUS);
-        let mut near: Vec<(f64, _)> = near.into_iter().map(|r| (bench.loss(search, &r.state), r)).collect();
-        near.sort_by(|a, b| a.0.total_cmp(&b.0));
-        let better = near.first().is_some_and(|(rival, _)| bench.decisive(*rival, own));
-        let refitted = near.first().filter(|_| better).and_then(|(loss, r)| {
+        let found = search.effect(selected.state.effects[member]);
+        // The same mathematics under every drive differs by what nobody recorded before the first sample.
+        let (same, rivals): (Vec<_>, Vec<_>) =
+            rivals.into_iter().filter(|r| r.gap < MENTIONED).partition(|r| always(found, search.effect(r.effect)).is_some());
+        let mut near: Vec<(f64, _)> = rivals.into_iter().map(|r| (bench.loss(search, &r.state), r)).collect();
+        let least = near.iter().map(|(loss, _)| *loss).fold(f64::INFINITY, f64::min);
+        // Among those that the held-out data hold for equal the library's order decides, as it does on the training data.
+        let equals = (0..near.len()).filter(|i| !bench.decisive(least, near[*i].0));
+        let best = equals.min_by_key(|i| near[*i].1.effect).filter(|_| bench.decisive(least, own));
+        let better = best.is_some();
+        let refitted = best.and_then(|i| {
+            let (loss, r) = near.remove(i);
             let (_, fit) = search.under(&r.state.effects, &r.state.fit, &selected.whitening.noise, crate::select::FINAL)?;
-            Some((*loss, r.gap, State { effects: r.state.effects.clone(), fit }))
+            Some((loss, r.gap, State { effects: r.state.effects, fit }))
         });
         if let Some((loss, gap, state)) = refitted {
             (own, selected.state) = (loss, state);
-            near.remove(0);
             near.iter_mut().for_each(|(_, r)| r.gap -= gap);
             // The one that came in stands last.
             selected.rivals.remove(member);
@@ -41,7 +47,7 @@ pub(crate) fn judged(question: &Question<'_>, search: &Search<'_>, mut selected:
             member = selected.rivals.len() - 1;
         }
         let open = near.into_iter().filter(|(rival, _)| !bench.decisive(own, *rival)).map(|(_, r)| r);
-        selected.rivals[member] = open.chain(far.into_iter().filter(|r| r.gap < MENTIONED)).collect();
+        selected.rivals[member] = if better { open.collect() } else { open.chain(same).collect() };
         member = if better { 0 } else { member + 1 };
     }
     selected
@@ -62,7 +68,7 @@ impl<'q> Bench<'q> {
     fn new(question: &'q Question<'q>, search: &Search<'_>, selected: &Selected) -> Option<Self> {
         let held = question.held_out.filter(|h| !h.stretches.is_empty())?;
         let noise = &selected.whitening.noise;
-        if !selected.rivals.iter().flatten().any(|r| r.gap < AMBIGUOUS) {
+        if !selected.rivals.iter().flatten().any(|r| r.gap < MENTIONED) {
             return None;
         }
         let share = noise.innovation.iter().zip(&noise.deviation).map(|(i, d)| (i / d).powi(2)).sum::<f64>();

@@ -31,6 +31,8 @@ const CONTEST: [(usize, usize); 2] = [(3, 5), (5, 3)];
 const CONTESTANTS: usize = 8;
 /// Starts of an effect that are tried beside the parameters of the regression.
 const UNBENT: usize = 6;
+/// How much coarser the race is stepped than the fit that counts: the error of a step of second order is then still a sixth of the noise.
+const COARSE: usize = 4;
 /// Variants of one effect that may go on together.
 const VARIANTS: usize = 2;
 /// Linearised gain below which no refinement makes evidence: a free parameter gains one by chance.
@@ -265,7 +267,11 @@ impl<'a> Search<'a> {
             racing = thinned(racing, places);
         }
         let mut refined: Vec<Refined> = Vec::new();
-        for Racing { effect, mut runner, fit, .. } in racing {
+        for Racing { effect, fit: coarse, .. } in racing {
+            let indices: Vec<usize> = state.effects.iter().copied().chain([effect]).collect();
+            let Some(mut runner) = self.runner(&indices, &coarse.point) else { continue };
+            let Some(mut fit) = evaluate(&self.setting, &mut runner, whitening, &coarse.point) else { continue };
+            fit.columns = coarse.columns;
             let target = refined.iter().map(|r| r.fit.likelihood(&self.setting)).fold(before, f64::max);
             let effort = Effort { target, ..RANKING };
             let fit = maximise(&self.setting, &mut runner, whitening, fit, effort, false);
@@ -298,12 +304,12 @@ impl<'a> Search<'a> {
         let mut substeps = None;
         let mut at = |start: Vec<f64>| {
             let point = Point { x: start, starts: state.fit.point.starts.clone() };
-            let mut runner = match substeps {
-                Some(substeps) => Runner::with_substeps(&self.setting, &effects, &point, substeps),
-                None => Runner::new(&self.setting, &effects, &point),
-            }
-            .ok()?;
-            substeps = Some(runner.substeps());
+            let coarse = match substeps {
+                Some(substeps) => substeps,
+                None => (Runner::new(&self.setting, &effects, &point).ok()?.substeps() / COARSE).max(self.setting.substeps),
+            };
+            substeps = Some(coarse);
+            let mut runner = Runner::with_substeps(&self.setting, &effects, &point, coarse).ok()?;
             let fit = evaluate(&self.setting, &mut runner, whitening, &point)?;
             Some(Racing::new(self, candidates[0].effect, runner, fit))
         };
@@ -314,7 +320,7 @@ impl<'a> Search<'a> {
             // A loop changes what every parameter does: what is linear about the open one says nothing. It enters closed, all columns new.
             let even = |c: &&Candidate| even(&responses[c.response].start);
             let closed = |c: &Candidate| at([&state.fit.point.x[..], &responses[c.response].start.values].concat());
-            return candidates.iter().filter(even).filter_map(closed).collect();
+            return candidates.iter().filter(even).step_by(2).filter_map(closed).collect();
         }
         // The base fit bends its parameters to what the effect does; the regression that it started from may be nearer to the truth.
         let rough = self.setting.rough.as_ref().filter(|_| state.effects.is_empty() && !responses[candidates[0].response].start.linear);

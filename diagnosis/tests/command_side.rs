@@ -5,6 +5,7 @@
 mod common;
 
 use common::{HALF_TRACK, base, data, difference, held, model, scene};
+use wheelwright_core::effect::{Effect, Estimate};
 use wheelwright_diagnosis::effects::{
     ActuatorLag, Axis, BatterySag, CommandDelay, CommandOffset, DeadZone, GainAsymmetry, IntegralAction, SlewLimit, TorqueSaturation,
     VelocitySaturation, Wheel,
@@ -211,4 +212,18 @@ fn effects_of_the_command_side_pass_it_on_in_their_order() {
         [a[0], a[1], ramp(u[0], x[2], rate), (passed[0] - x[3]) / lag, (passed[1] - x[4]) / lag]
     });
     assert!(error < 2e-4, "{error}");
+}
+
+/// A filter whose response has a peak is something elastic; one that is merely of second order is a lag.
+#[test]
+fn a_drive_that_rings_is_more_than_a_lag() {
+    let lag = ActuatorLag { each_axis: false, resonant: true };
+    let at = |damping: f64, half: f64| {
+        let values = [(0.05, 0.001), (damping, half)];
+        lag.beyond(&values.map(|(value, half)| Estimate { value, ci95: Some((value - half, value + half)) }))
+    };
+    assert!(at(0.3, 0.02).is_some_and(|s| s.contains("3.18 Hz")), "{:?}", at(0.3, 0.02));
+    assert_eq!(at(0.9, 0.02), None);
+    assert_eq!(at(0.6, 0.3), None, "it may as well not ring");
+    assert_eq!(ActuatorLag::default().beyond(&[Estimate { value: 0.05, ci95: None }]), None);
 }

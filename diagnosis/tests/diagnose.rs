@@ -139,6 +139,18 @@ fn friction_without_reversals_is_not_told_from_an_offset() {
     assert!(named.contains(&"coulomb_friction") && named.contains(&"command_offset"), "{named:?}");
 }
 
+/// What the training data cannot tell apart, held-out driving of another kind does, without anything being fitted to it.
+#[test]
+fn held_out_reversals_judge_between_friction_and_an_offset() {
+    let (friction, offset) = (CoulombFriction::default(), CommandOffset {});
+    let hidden: [(&dyn Effect, &[f64]); 2] = [(&friction, &[0.05, 1.0]), (&offset, &[-0.05, 0.0])];
+    for (effect, values) in hidden {
+        let training = record(31, 1600, false, &[(effect, values)], 0.0);
+        let diagnosis = ask(&training, Some(&record(32, 800, true, &[(effect, values)], 0.0)));
+        assert_eq!((names(&diagnosis), diagnosis.verdict), (vec![effect.name()], Verdict::Explained), "{}", diagnosis.headline);
+    }
+}
+
 #[test]
 fn the_same_question_has_the_same_answer() {
     let delay = CommandDelay::default();

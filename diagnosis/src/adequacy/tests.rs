@@ -99,8 +99,26 @@ fn counts_are_a_lattice_and_its_quantum_is_found() {
     case.noise = [quantum * 0.3, NOISE[1]];
     let lattices = case.compare(None, |c| examine(c, 5)).lattices;
     assert!(lattices.len() == 1 && lattices[0].output == 0, "{lattices:?}");
-    let ratio = quantum / lattices[0].quantum;
-    assert!((ratio - ratio.round()).abs() < 0.01 && lattices[0].coherence > 0.9, "{lattices:?}");
+    // The same values are multiples of its fractions too.
+    assert!((quantum / lattices[0].quantum - 1.0).abs() < 0.01 && lattices[0].coherence > 0.9, "{lattices:?}");
+}
+
+#[test]
+fn motion_that_is_missed_while_speeding_up_is_no_jitter() {
+    for seed in 0..10 {
+        let case = Case::new(seed, |_, i, y, slope, random| y + NOISE[i] * normal(random) + 0.03 * slope);
+        assert_eq!(case.compare(None, |c| examine(c, seed)).jitter, None, "{seed}");
+    }
+}
+
+#[test]
+fn where_stamps_jitter_scatter_is_no_structure() {
+    let mut significant = 0;
+    for seed in 0..10 {
+        let case = Case::new(seed, |_, i, y, slope, random| y + NOISE[i] * normal(random) + 0.03 * slope * normal(random));
+        significant += usize::from(case.compare(None, |c| examine(c, seed)).structure.significant());
+    }
+    assert_eq!(significant, 0);
 }
 
 #[test]
