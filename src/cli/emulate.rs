@@ -1,7 +1,6 @@
 //! `emulate`: a robot's protocol in front of a simulated robot, to be driven by this program or any other.
 
 use std::path::PathBuf;
-use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use clap::Args;
@@ -12,11 +11,10 @@ use wheelwright_robots::EmulatorConfig;
 
 use super::Shared;
 use super::console::Console;
+use super::halt::{self, Halt};
 use super::setup::Setup;
 use crate::error::Error;
 
-/// Raised by ctrl-C.
-static STOP: AtomicBool = AtomicBool::new(false);
 /// How often the line of progress is written.
 const LOOK: Duration = Duration::from_millis(200);
 
@@ -39,14 +37,15 @@ pub(super) fn run(arguments: &Arguments, shared: &Shared, console: &Console) -> 
     let robot = setup.config.sections.robot.clone();
     let robot = robot.ok_or_else(|| missing("names no robot to put behind the protocol: add a [robot]"))?;
     let end = arguments.duration.map(length).transpose()?.map(|length| Instant::now() + length);
+    // Ctrl-C ends the emulator, which takes its terminal's link away.
+    let _halt = Halt::watch()?;
     let emulator = emulator.start(setup.connect(robot, setup.seed(shared))?).map_err(|error| match error {
         RobotError::Config { key, reason } => setup.config.error_in("emulator", ConfigError::new(key, reason)),
         other => Error::Connect(other),
     })?;
-    ctrlc::set_handler(|| STOP.store(true, Ordering::Relaxed)).map_err(|e| Error::Usage(format!("ctrl-C cannot be caught: {e}")))?;
     console.document(&json!({ "schema": "wheelwright.emulate/1", "address": emulator.address() }));
     console.result(&format!("serving at {}; ctrl-C ends it\n", emulator.address()));
-    while !STOP.load(Ordering::Relaxed) && emulator.is_running() && end.is_none_or(|end| Instant::now() < end) {
+    while !halt::asked() && emulator.is_running() && end.is_none_or(|end| Instant::now() < end) {
         std::thread::sleep(LOOK);
         let state = emulator.state();
         let session = if state.open { "open" } else { "closed" };

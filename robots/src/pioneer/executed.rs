@@ -46,23 +46,23 @@ impl Execution {
         }
     }
 
-    /// The firmware's limits, and its ramps if the configuration sets them.
-    pub(super) fn settings(&self) -> Vec<Vec<u8>> {
+    /// Packets that set the firmware's limits, and its ramps if the configuration sets them.
+    pub(super) fn settings(&self) -> Vec<u8> {
         let [v, omega] = self.limits;
         let mut packets = vec![command::integer(number::SETV, millimetres(v)), command::integer(number::SETRV, degrees(omega))];
         let both = |kind, value: i32| [command::integer(kind, value), command::integer(kind, -value)];
         packets.extend(self.wanted_ramps[0].into_iter().flat_map(|ramp| both(number::SETA, millimetres(ramp).max(1))));
         packets.extend(self.wanted_ramps[1].into_iter().flat_map(|ramp| both(number::SETRA, degrees(ramp).max(1))));
-        packets
+        packets.concat()
     }
 
     /// Packets that make the robot stand, whatever it did.
-    pub(super) fn standing(&self) -> Vec<Vec<u8>> {
+    pub(super) fn standing(&self) -> Vec<u8> {
         let mut packets = vec![command::integer(number::VEL, 0), command::integer(number::RVEL, 0)];
         if self.kind == CommandKind::Vel2 {
             packets.push(command::vel2(0, 0));
         }
-        packets
+        packets.concat()
     }
 
     /// What the robot will hold when asked for this.
@@ -77,17 +77,17 @@ impl Execution {
         }
     }
 
-    /// The packets of a command that is to be held for `period`.
-    pub(super) fn command(&mut self, wanted: [f64; 2], period: f64) -> Vec<Vec<u8>> {
+    /// The packets of a command that is to be held for `period`, for one write: half a command would be another.
+    pub(super) fn command(&mut self, wanted: [f64; 2], period: f64) -> Vec<u8> {
         self.count(wanted, period);
         let limited = self.limited(wanted);
         match self.kind {
             CommandKind::Vel => {
-                vec![command::integer(number::VEL, millimetres(limited[0])), command::integer(number::RVEL, degrees(limited[1]))]
+                [command::integer(number::VEL, millimetres(limited[0])), command::integer(number::RVEL, degrees(limited[1]))].concat()
             }
             CommandKind::Vel2 => {
                 let [left, right] = self.steps(limited);
-                vec![command::vel2(left, right)]
+                command::vel2(left, right)
             }
         }
     }

@@ -129,12 +129,8 @@ impl Pioneer {
     /// Sonar off, odometry to zero, limits into the firmware, motors on.
     fn prepare(&mut self) -> Result<(), RobotError> {
         self.session.send(&command::integer(number::SONAR, 0))?;
-        for packet in self.execution.standing() {
-            self.session.send(&packet)?;
-        }
-        for packet in self.execution.settings() {
-            self.session.send(&packet)?;
-        }
+        self.session.send(&self.execution.standing())?;
+        self.session.send(&self.execution.settings())?;
         self.session.send(&command::plain(number::SETO))?;
         if self.tick.is_some() {
             self.session.send(&command::integer(number::ENCODER, 2))?;
@@ -166,9 +162,7 @@ impl Pioneer {
         if self.take_until(begin + patience)? {
             return Ok(());
         }
-        for packet in self.execution.standing() {
-            self.session.send(&packet)?;
-        }
+        self.session.send(&self.execution.standing())?;
         if self.take_until(begin + self.timeout)? {
             let silence = begin.elapsed().as_secs_f64();
             let time = self.clock.time();
@@ -232,9 +226,8 @@ impl Pioneer {
         if self.drain()? {
             self.execution.late();
         }
-        for packet in self.execution.command(wanted, self.cycle * f64::from(self.cycles)) {
-            self.session.send(&packet)?;
-        }
+        let packets = self.execution.command(wanted, self.cycle * f64::from(self.cycles));
+        self.session.send(&packets)?;
         for passed in 0..self.cycles {
             if passed > 0 {
                 self.session.send(&command::plain(number::PULSE))?;
@@ -264,10 +257,7 @@ impl Pioneer {
     }
 
     fn tell_to_stand(&mut self) -> Result<(), RobotError> {
-        for packet in self.execution.standing() {
-            self.session.send(&packet)?;
-        }
-        Ok(())
+        self.session.send(&self.execution.standing())
     }
 
     /// Tells the robot all that can still be told; nothing can be done if that fails.
@@ -307,8 +297,9 @@ impl Robot for Pioneer {
     fn measure(&mut self, measured: &mut [f64]) -> Result<f64, RobotError> {
         let channels = self.outputs().len();
         check_room(measured, channels)?;
-        let fresh = self.stepped || self.drain()?;
-        if !fresh {
+        if !self.stepped {
+            // What has come already is of some time ago; the next packet begins a cycle.
+            self.drain()?;
             self.session.send(&command::plain(number::PULSE))?;
             self.advance()?;
         }
