@@ -82,18 +82,21 @@ fn payload_hurts_and_is_recovered_from() {
     }
 }
 
-/// A payload put on while driving: adaptation comes within 20 % of a controller that was identified with it.
+/// A payload put on while driving: adaptation wins back nine tenths of what it cost against a controller that was identified with it,
+/// and on the Pioneer, whose long period costs a fixed controller more than the payload does, it is better than that one.
 #[test]
 fn adaptation_recovers_from_a_payload_put_on() {
     for (bench, payload) in [(KHEPERA_BENCH, [4.5, 5.0]), (PIONEER_BENCH, [2.0, 1.8])] {
-        let native = bench.theta(Some(payload)).unwrap();
+        let theta = bench.theta(Some(payload)).unwrap();
         for seed in 0..SEEDS {
             let laden = Trial { payload: Some(payload), ..Trial::default() };
-            let (_, native) = errors(bench, &Trial { theta: native.clone(), ..laden.clone() }, seed);
+            let (_, native) = errors(bench, &Trial { theta: theta.clone(), ..laden.clone() }, seed);
             let step = Trial { loaded_at: Some(30.0), ..laden };
             let (_, without) = errors(bench, &step, seed);
             let (_, adapted) = errors(bench, &Trial { adapt: Some(30.0), ..step }, seed);
-            assert!(adapted < 1.2 * native && adapted < 0.5 * without, "{} seed {seed}: {native} {without} {adapted}", bench.name);
+            let recovered = (without - adapted) / (without - native);
+            assert!(recovered > 0.88, "{} seed {seed}: {native} {without} {adapted}", bench.name);
+            assert!(bench.name == "Khepera" || adapted < native, "{} seed {seed}: {native} {adapted}", bench.name);
         }
     }
 }

@@ -51,7 +51,7 @@ fn threshold(own: &[f64; 6], period: f64, k1: f64) -> f64 {
             Sampled { subject: &subject, own, noise: [0.0; 2], seed: 0, ahead: 0.01 }.track(&mut *controller, &*line, 3000.0 * period);
         let x: Vec<f64> = log.pose.iter().zip(&log.reference).map(|(p, r)| p[0] - r.x).collect();
         // The flip changes the error's sign every period: second differences show it above any slow part.
-        (2890..2990).any(|k| !((x[k + 2] - 2.0 * x[k + 1] + x[k]).abs() < 1e-4))
+        (2890..2990).map(|k| (x[k + 2] - 2.0 * x[k + 1] + x[k]).abs()).any(|swing| swing.is_nan() || swing >= 1e-4)
     };
     let (mut low, mut high) = (0.1, 20.0);
     for _ in 0..24 {

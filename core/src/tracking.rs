@@ -203,7 +203,7 @@ impl Tracked {
         let cut = |values: &[f64]| values[..rows].to_vec();
         let mut columns: Vec<Column> =
             recorded.columns().iter().map(|c| Column { name: c.name.clone(), unit: c.unit.clone(), values: cut(&c.values) }).collect();
-        let picks: [(&str, &str, fn(&Reference) -> f64); 5] = [
+        let picks: [Pick; 5] = [
             ("x_desired", "m", |r| r.x),
             ("y_desired", "m", |r| r.y),
             ("phi_desired", "rad", |r| r.phi),
@@ -224,6 +224,9 @@ impl Tracked {
         Ok(joined)
     }
 }
+
+/// A column of the desired motion: name, unit, and where it is.
+type Pick = (&'static str, &'static str, fn(&Reference) -> f64);
 
 /// Has a robot follow a trajectory for `duration` \[s\], and stops it. It is stopped early when it is `off_course` \[m\] from
 /// where it should be.
