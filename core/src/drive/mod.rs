@@ -133,7 +133,11 @@ pub fn steer(robot: &mut Live, duration: f64, law: &mut Law<'_>, mut options: Dr
     let outcome = cycles(robot, duration, law, &mut options, &mut rows, &mut remarks);
     // First the robot, then the files.
     let stopped = robot.stop();
-    let finished = options.sinks.iter_mut().fold(Ok(()), |first, sink| first.and(sink.finish()));
+    let mut finished = Ok(());
+    for sink in &mut options.sinks {
+        // Each is finished, also after one that failed.
+        finished = finished.and(sink.finish());
+    }
     let recording = rows.into_recording().map(|mut recording: Recording| {
         recording.warnings = remarks;
         recording
