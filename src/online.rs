@@ -6,7 +6,7 @@ use serde_json::{Value, json};
 use wheelwright_core::dataset::Dataset;
 use wheelwright_core::model::{ParameterMap, RegressorModel};
 use wheelwright_core::solver::SolveError;
-use wheelwright_solvers::{Recursive, Stage};
+use wheelwright_solvers::{DIFFERENCED, Recursive, Stage};
 
 use crate::documents::number;
 use crate::output::quoted;
@@ -29,6 +29,8 @@ pub struct Trace {
     pub regression: Vec<f64>,
     /// Why there are no intervals at the end, if there are none.
     pub obstacle: Option<&'static str>,
+    /// What else a reader must know: that the velocities turned out to be differenced from counts.
+    pub remark: Option<&'static str>,
 }
 
 /// A stretch of a trace: columns as long as its time. What is not known is not a number.
@@ -51,11 +53,22 @@ pub struct Part {
 }
 
 impl Trace {
-    /// Replays the stretches in order.
+    /// Replays the stretches in order; as velocities differenced from encoder counts where the errors of such a pass show that they are.
     ///
     /// # Errors
     /// [`SolveError::Setting`].
     pub fn replay(settings: &Recursive, model: &dyn RegressorModel, map: &ParameterMap, data: &Dataset) -> Result<Self, SolveError> {
+        if let Some(differences) = settings.on_differences() {
+            let (trace, counts) = Self::pass(&differences, model, map, data)?;
+            if counts {
+                return Ok(Self { remark: Some(DIFFERENCED), ..trace });
+            }
+        }
+        Self::pass(settings, model, map, data).map(|(trace, _)| trace)
+    }
+
+    /// One pass; also whether its errors are those of differenced counts.
+    fn pass(settings: &Recursive, model: &dyn RegressorModel, map: &ParameterMap, data: &Dataset) -> Result<(Self, bool), SolveError> {
         let mut estimator = settings.start(model, map)?;
         let (count, equations) = (model.parameters().len(), model.equations());
         let (mut theta, mut std) = (vec![0.0; count], vec![0.0; count]);
@@ -97,14 +110,16 @@ impl Trace {
         }
         estimator.theta(&mut theta);
         let name = |e: usize| if equations == data.inputs.len() { data.inputs[e].name.to_string() } else { format!("equation {}", e + 1) };
-        Ok(Self {
+        let trace = Self {
             settings: settings.clone(),
             parameters: model.parameters().iter().map(|p| (p.name.clone(), p.unit.clone())).collect(),
             equations: (0..equations).map(name).collect(),
             parts,
             regression: theta,
             obstacle: estimator.obstacle(),
-        })
+            remark: None,
+        };
+        Ok((trace, estimator.counts()))
     }
 
     /// Root mean square of an equation's innovation over the samples that had an estimate before them.
@@ -128,11 +143,12 @@ impl Trace {
 
     /// The estimates in a sentence or two.
     pub fn statement(&self) -> String {
-        match (self.obstacle, self.settled_s()) {
+        let intervals = match (self.obstacle, self.settled_s()) {
             (Some(reason), _) => format!("no intervals while running: {reason}"),
             (None, Some(seconds)) => format!("estimates while running carry intervals from {seconds:.1} s on"),
             (None, None) => "no estimate carried intervals".to_owned(),
-        }
+        };
+        self.remark.map_or_else(|| intervals.clone(), |remark| format!("{intervals}; {remark}"))
     }
 
     /// The block `online` of the `identify` document.

@@ -38,7 +38,7 @@ pub use iv::InstrumentalVariables;
 pub use ols::Ols;
 pub use output_error::{NoiseModel, OutputError, Velocity};
 pub use quadratic::Quadratic;
-pub use recursive::{Estimator, Recursive, Stage};
+pub use recursive::{DIFFERENCED, Estimator, Recursive, Stage};
 pub use regression::{LeastSquares, SolverRegression, System};
 pub use robust::Robust;
 pub use steady_state::SteadyState;

@@ -6,6 +6,7 @@ mod common;
 
 use common::{PIONEER, pioneer_reference, record, times, vw_pd};
 use wheelwright_core::regression::{Form, Settings};
+use wheelwright_core::simulation::{Readout, Simulator};
 use wheelwright_core::solver::{Problem, SolveError, Solver};
 use wheelwright_core::{ModelConfig, Stretch};
 use wheelwright_models::WheelPdConfig;
@@ -211,4 +212,60 @@ fn forgetting_states_the_errors_of_what_it_remembers() {
     assert!(stated >= 18 && (0.85..=1.0).contains(&share), "{share} of {stated}");
     // 150 s count as 40 s of the same weight: 1.9 times the error.
     assert!((1.3..3.5).contains(&(wider / f64::from(stated))), "{}", wider / f64::from(stated));
+}
+
+/// What a driver records that differences the counts of two encoders: each wheel's way in whole ticks, from a start anywhere in one.
+fn counted(data: &wheelwright_core::Dataset, tick: f64, half_track: f64, seed: u64) -> wheelwright_core::Dataset {
+    let model = vw_pd();
+    let mut simulator = Simulator::new(&*model, &PIONEER).unwrap().with_readout(Readout::IntervalMean);
+    let mut data = data.clone();
+    for (s, stretch) in data.stretches.iter_mut().enumerate() {
+        let mut mean = vec![Vec::new(); 2];
+        simulator.run(stretch, &[0.0, 0.0], &mut mean).unwrap();
+        // Golden ratios of the seed: phases spread evenly over all seeds.
+        let mut way = [0.618_033_988_749_895, 0.754_877_666_246_693].map(|g| tick * (g * (seed + 7 * s as u64) as f64).fract());
+        for k in 1..stretch.len() {
+            let dt = stretch.time[k] - stretch.time[k - 1];
+            let ticks = [-1.0, 1.0].map(|side| mean[0][k] + side * half_track * mean[1][k]);
+            let mut rolled = [0.0; 2];
+            for i in 0..2 {
+                let before = (way[i] / tick).floor();
+                way[i] += ticks[i] * dt;
+                rolled[i] = ((way[i] / tick).floor() - before) * tick / dt;
+            }
+            stretch.outputs[0][k] = 0.5 * (rolled[0] + rolled[1]);
+            stretch.outputs[1][k] = (rolled[1] - rolled[0]) / (2.0 * half_track);
+        }
+    }
+    data
+}
+
+/// Intervals over 200 starts of the counts.
+#[test]
+fn differenced_encoders_are_recognised_and_their_intervals_cover() {
+    let (model, data) = (vw_pd(), record(PIONEER, times(0.05, 1500), pioneer_reference, 0.01));
+    let (mut covered, mut stated, mut recognised, seeds) = ([0; 6], 0, 0, 200);
+    for seed in 1..=seeds {
+        let data = counted(&data, 2e-4, 0.17, seed);
+        let solution = Recursive::default().solve(&Problem::new(&*model, &data)).unwrap();
+        recognised += i32::from(solution.warnings.iter().any(|w| w.contains("encoder counts")));
+        let Some(ci95) = solution.ci95 else { continue };
+        stated += 1;
+        for ((covered, (low, high)), truth) in covered.iter_mut().zip(ci95).zip(PIONEER) {
+            *covered += i32::from(low <= truth && truth <= high);
+        }
+    }
+    println!("recognised {recognised}, stated {stated} of {seeds}, covered {covered:?}");
+    assert!(recognised >= 190, "{recognised} of {seeds} recognised");
+    assert!(stated >= seeds as i32 * 9 / 10, "{stated} of {seeds} stated");
+    assert!(covered.iter().all(|c| f64::from(*c) >= 0.90 * f64::from(stated)), "{covered:?} of {stated}");
+}
+
+#[test]
+fn a_gyroscope_is_not_taken_for_an_encoder() {
+    let (model, data) = (vw_pd(), drive());
+    for (coefficient, seed) in [(0.0, 1), (0.0, 2), (0.7, 3), (-0.2, 4)] {
+        let solution = Recursive::default().solve(&Problem::new(&*model, &noisy(&data, 0.005, coefficient, seed))).unwrap();
+        assert!(solution.warnings.is_empty(), "AR {coefficient}: {:?}", solution.warnings);
+    }
 }

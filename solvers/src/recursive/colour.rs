@@ -51,6 +51,11 @@ impl Colour {
         self.known = (self.known + 1).min(ORDER);
     }
 
+    /// Correlation of neighbouring errors, with the number of them that it was found from.
+    pub(super) fn neighbours(&self) -> (f64, f64) {
+        (self.covariance[1] / self.covariance[0], self.weight)
+    }
+
     /// Makes the autoregression anew: Yule-Walker by Levinson's recursion, its order by BIC.
     pub(super) fn update(&mut self) {
         let n = self.weight;

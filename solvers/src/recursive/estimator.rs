@@ -137,6 +137,13 @@ impl<'a> Estimator<'a> {
         }
     }
 
+    /// True if the free-run errors on every output undo each other from sample to sample, as the rounding of encoder counts does
+    /// that are differenced: then [`Velocity::Difference`](crate::Velocity::Difference) is what the velocities are. Only an estimator
+    /// that takes them so can tell: taken for instantaneous ones they leave the trace of half a sample, which covers it up.
+    pub fn counts(&self) -> bool {
+        self.free_run.as_ref().is_some_and(FreeRun::undone)
+    }
+
     /// Free parameters that the regression cannot tell, and the condition of its scaled triangle.
     pub(super) fn rank(&self) -> (Vec<usize>, f64) {
         ((0..self.free.len()).filter(|&k| !self.triangle.shown(k)).collect(), self.triangle.condition())

@@ -27,6 +27,11 @@ const SLIGHT: f64 = 1e-4;
 const FORETOLD: f64 = 0.95;
 /// An error this small against the largest output does not matter, whatever it is.
 const IMMATERIAL: f64 = 1e-3;
+/// Correlation of neighbouring errors, in the mean over the outputs, below which each undoes part of the one before: −1/2 where counts of
+/// an encoder are differenced and their rounding is all there is, 0 for a gyroscope's noise. Each of them below what chance reaches: four
+/// over the root of the samples.
+const UNDONE: f64 = -0.25;
+const CHANCE: f64 = 4.0;
 /// Offset of the runs that give the sensitivities, in standard errors.
 const OFFSET: f64 = 0.01;
 /// Offset relative to the parameter where it has no standard error to speak of.
@@ -70,6 +75,8 @@ pub(super) struct FreeRun<'a> {
     ready: bool,
     /// Why there is none, when last looked at.
     refusal: Option<&'static str>,
+    /// Whether each error undid part of the one before, when last looked at.
+    undone: bool,
 }
 
 impl<'a> FreeRun<'a> {
@@ -101,7 +108,13 @@ impl<'a> FreeRun<'a> {
             theta: vec![0.0; map.offset.len()],
             ready: false,
             refusal: None,
+            undone: false,
         }
+    }
+
+    /// True if each error undid part of the one before, on every output, when last looked at.
+    pub(super) fn undone(&self) -> bool {
+        self.undone
     }
 
     /// True if [`estimate`](Self::estimate) has something to say.
@@ -269,6 +282,12 @@ impl<'a> FreeRun<'a> {
         let most = self.memory_s.map_or(f64::INFINITY, |m| 0.9 * m / interval);
         self.look_at = (2.0 * self.weight).min(most.max(self.weight));
         self.colours.iter_mut().for_each(Colour::update);
+        let (mut sum, mut all) = (0.0, true);
+        for (correlation, samples) in self.colours.iter().map(Colour::neighbours) {
+            sum += correlation;
+            all &= correlation < -CHANCE / samples.sqrt();
+        }
+        self.undone = all && sum < UNDONE * self.colours.len() as f64;
         if !self.triangle.solve(&mut self.z) {
             return;
         }

@@ -33,7 +33,8 @@ pub struct Recursive {
     /// Follow the regression with a free run, which takes out its bias and gives intervals. Default true; false leaves the
     /// regression alone, which equals the batch solution of the same rows.
     pub refine: bool,
-    /// What the recorded velocities are, for the free run: `instantaneous` (default) or `difference`.
+    /// What the recorded velocities are, for the free run: `instantaneous` (default) or `difference`. A recording that is replayed is
+    /// replayed as `difference` where the errors show that it is.
     pub velocity: Velocity,
 }
 
@@ -58,7 +59,16 @@ impl Recursive {
         }
         Ok(Estimator::new(self, model, map))
     }
+
+    /// The same for velocities that are differenced from encoder counts, where they are not said to be and a free run could tell.
+    pub fn on_differences(&self) -> Option<Self> {
+        (self.refine && self.velocity == Velocity::Instantaneous).then(|| Self { velocity: Velocity::Difference, ..self.clone() })
+    }
 }
+
+/// What is said where a recording was replayed as one of differenced counts without having been said to be one.
+pub const DIFFERENCED: &str = "velocities taken as differenced from encoder counts, because each error undoes half of the one before: set \
+                               `velocity = \"difference\"`";
 
 /// Half the width of a 95 % interval in standard errors, for errors of this many degrees of freedom.
 pub(crate) fn half_width(freedom: f64) -> f64 {
@@ -76,6 +86,20 @@ impl Solver for Recursive {
     }
 
     fn solve(&self, problem: &Problem<'_>) -> Result<Solution, SolveError> {
+        if let Some(differences) = self.on_differences() {
+            // A failure is that of the regression, which the other pass meets as well.
+            if let Ok((mut solution, true)) = differences.pass(problem) {
+                solution.warnings.push(DIFFERENCED.to_owned());
+                return Ok(solution);
+            }
+        }
+        self.pass(problem).map(|(solution, _)| solution)
+    }
+}
+
+impl Recursive {
+    /// One pass over a recording; also whether its errors are those of differenced counts.
+    fn pass(&self, problem: &Problem<'_>) -> Result<(Solution, bool), SolveError> {
         let mut estimator = self.start(problem.model, &problem.map)?;
         let mut rows = 0;
         for stretch in &problem.data.stretches {
@@ -117,7 +141,7 @@ impl Solver for Recursive {
             Stage::FreeRun { half_width } => Some(theta.iter().zip(&std).map(|(t, s)| (t - half_width * s, t + half_width * s)).collect()),
             _ => None,
         };
-        Ok(Solution {
+        let solution = Solution {
             std: ci95.is_some().then_some(std),
             ci95,
             covariance: None,
@@ -128,6 +152,7 @@ impl Solver for Recursive {
             warnings: warnings.collect(),
             regression: None,
             theta,
-        })
+        };
+        Ok((solution, estimator.counts()))
     }
 }
