@@ -58,7 +58,7 @@ pub(in super::super) struct History {
 
 impl History {
     pub(in super::super) fn new(delay: f64) -> Self {
-        Self { delay, past: VecDeque::new() }
+        Self { delay, past: VecDeque::from([(0.0, Observed::default())]) }
     }
 
     pub(in super::super) fn push(&mut self, t: f64, observed: Observed) {
@@ -69,7 +69,7 @@ impl History {
         }
     }
 
-    /// What was there `delay` ago; the robot stood before its history.
+    /// What was there `delay` ago; before its history, which begins at rest at time zero, the robot stood.
     pub(in super::super) fn seen(&self, t: f64) -> Observed {
         let at = t - self.delay;
         let after = self.past.partition_point(|(time, _)| *time <= at);
