@@ -224,9 +224,9 @@ fn counted(data: &wheelwright_core::Dataset, tick: f64, half_track: f64, seed: u
         simulator.run(stretch, &[0.0, 0.0], &mut mean).unwrap();
         // Golden ratios of the seed: phases spread evenly over all seeds.
         let mut way = [0.618_033_988_749_895, 0.754_877_666_246_693].map(|g| tick * (g * (seed + 7 * s as u64) as f64).fract());
-        for k in 1..stretch.len() {
+        for (k, (v, omega)) in mean[0].iter().zip(&mean[1]).enumerate().skip(1) {
             let dt = stretch.time[k] - stretch.time[k - 1];
-            let ticks = [-1.0, 1.0].map(|side| mean[0][k] + side * half_track * mean[1][k]);
+            let ticks = [-1.0, 1.0].map(|side| v + side * half_track * omega);
             let mut rolled = [0.0; 2];
             for i in 0..2 {
                 let before = (way[i] / tick).floor();
