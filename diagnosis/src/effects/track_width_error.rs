@@ -41,8 +41,9 @@ impl Effect for TrackWidthError {
         vec![EffectParameter::new("error", "1", (-0.5, 1.0), 0.02).neutral(0.0)]
     }
 
+    /// None: the model's parameters take it up wholly. What is recorded beside the model's channels tells it: a heading, the wheels' rates.
     fn starts(&self, _scene: &Scene) -> Vec<Start> {
-        vec![Start { values: vec![0.02], columns: vec![vec![0]], linear: true }]
+        Vec::new()
     }
 
     fn statement(&self, values: &[Estimate], _scene: &Scene) -> String {
