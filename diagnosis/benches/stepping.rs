@@ -25,7 +25,7 @@ fn stepping(criterion: &mut Criterion) {
     let Ok(model) = VwPdConfig::default().build() else { return };
     let data = Dataset { inputs: model.inputs().to_vec(), outputs: model.outputs().to_vec(), stretches: vec![stretch()] };
     let scene = Scene::new(&data, &*model, 0.34, None, None);
-    let (friction, delay, slew) = (CoulombFriction {}, CommandDelay::default(), SlewLimit::default());
+    let (friction, delay, slew) = (CoulombFriction::default(), CommandDelay::default(), SlewLimit::default());
     let cases: [(&str, Vec<&dyn Effect>, Vec<f64>); 5] = [
         ("none", vec![], vec![]),
         ("friction", vec![&friction], vec![0.03, 1.0]),

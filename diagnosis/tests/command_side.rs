@@ -140,7 +140,7 @@ fn a_ramp_may_act_on_wheels_or_on_one_axis() {
 #[test]
 fn a_stronger_wheel_makes_the_robot_veer() {
     let g = 0.07;
-    let error = difference(&[&GainAsymmetry {}], &[g], &[], [0.3, 0.2], |s, t, x| {
+    let error = difference(&[&GainAsymmetry::default()], &[g], &[], [0.3, 0.2], |s, t, x| {
         let [l, r] = wheels(held(s, t));
         base(body([(1.0 - g) * l, (1.0 + g) * r]), x)
     });
@@ -150,7 +150,7 @@ fn a_stronger_wheel_makes_the_robot_veer() {
 #[test]
 fn a_battery_runs_down() {
     let k = 0.006;
-    let error = difference(&[&BatterySag {}], &[k], &[], [0.3, 0.2], |s, t, x| base(held(s, t).map(|u| u * (1.0 - k * t)), x));
+    let error = difference(&[&BatterySag::default()], &[k], &[], [0.3, 0.2], |s, t, x| base(held(s, t).map(|u| u * (1.0 - k * t)), x));
     assert!(error < 5e-5, "{error}");
 }
 
@@ -195,7 +195,7 @@ fn effects_of_the_command_side_pass_it_on_in_their_order() {
     let soft = DeadZone { subtracting: true, ..DeadZone::default() };
     let effects: [&dyn wheelwright_core::Effect; 6] = [
         &ActuatorLag::default(),
-        &GainAsymmetry {},
+        &GainAsymmetry::default(),
         &VelocitySaturation::default(),
         &soft,
         &SlewLimit { wheels: false, axis: Some(Axis::V) },

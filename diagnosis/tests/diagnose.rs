@@ -29,7 +29,7 @@ fn library() -> Vec<Box<dyn Effect>> {
         Box::new(ActuatorLag::default()),
         Box::new(CoulombFriction::default()),
         Box::new(QuadraticDrag::default()),
-        Box::new(GainAsymmetry {}),
+        Box::new(GainAsymmetry::default()),
         Box::new(VelocitySaturation::default()),
         Box::new(CommandOffset {}),
     ]

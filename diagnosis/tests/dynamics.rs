@@ -6,9 +6,9 @@ mod rig;
 
 use rig::{HALF_TRACK, body, integrate, sides};
 use wheelwright_diagnosis::effects::{
-    Backlash, Between, CastorDrag, CastorKind, CoulombFriction, CoulombFrictionOneWheel, DirectionAsymmetry, LateralComOffset,
-    PayloadChange, QuadraticDrag, RollingResistance, ScrubLaw, SlipLaw, Slope, Speeds, StribeckFriction, TurningScrub, ViscousAsymmetry,
-    Wheel, WheelRadiusMismatch, WheelSlip,
+    Backlash, BatterySag, Between, CastorDrag, CastorKind, CoulombFriction, CoulombFrictionOneWheel, DirectionAsymmetry, GainAsymmetry,
+    LateralComOffset, PayloadChange, QuadraticDrag, RollingResistance, ScrubLaw, SlipLaw, Slope, Speeds, StribeckFriction, TurningScrub,
+    ViscousAsymmetry, Wheel, WheelRadiusMismatch, WheelSlip,
 };
 
 /// Ground speeds of left and right wheel in the body frame.
@@ -25,11 +25,19 @@ fn off([left, right]: [f64; 2], ratio: f64) -> [f64; 2] {
 fn coulomb_friction_brakes_each_wheel() {
     let rig = body();
     for (c, ratio) in [(0.02, 1.0), (0.06, 1.8)] {
-        let error = rig.load_error(&CoulombFriction {}, &[c, ratio], |x| off(wheels(x).map(|s| c * rig.sign(s)), ratio));
+        let error = rig.load_error(&CoulombFriction::default(), &[c, ratio], |x| off(wheels(x).map(|s| c * rig.sign(s)), ratio));
         assert!(error < 3e-4, "{error}");
     }
+    let each = CoulombFriction { each_wheel: true };
+    let error = rig.load_error(&each, &[0.02, 0.05, 1.4], |x| {
+        let [left, right] = wheels(x).map(|s| rig.sign(s));
+        off([0.02 * left, 0.05 * right], 1.4)
+    });
+    assert!(error < 3e-4, "{error}");
     let rig = sides();
-    let error = rig.load_error(&CoulombFriction {}, &[0.2], |x| x.map(|s| 0.2 * rig.sign(s)));
+    let error = rig.load_error(&CoulombFriction::default(), &[0.2], |x| x.map(|s| 0.2 * rig.sign(s)));
+    assert!(error < 3e-4, "{error}");
+    let error = rig.load_error(&each, &[0.2, 0.3], |[l, r]| [0.2 * rig.sign(l), 0.3 * rig.sign(r)]);
     assert!(error < 3e-4, "{error}");
 }
 
@@ -206,6 +214,25 @@ fn unequal_wheels_couple_what_the_loops_keep() {
         });
         assert!(error < 1e-3, "{error}");
     }
+}
+
+/// Loops that are stronger at one wheel, or weaker by the minute, drive by what they see between command and motion.
+#[test]
+fn a_loop_with_another_gain_pushes_by_its_own_error() {
+    let rig = body();
+    let g = 0.2;
+    let error = rig.error(&GainAsymmetry { servo: true }, &[g], rig.start, &[], |_, u, x| {
+        let [left, right] = [0, 1].map(|i| wheels(u)[i] - wheels(x)[i]);
+        let added = [0.5 * g * (right - left), g * (right + left) / (2.0 * HALF_TRACK)];
+        (rig.base)([u[0] + added[0], u[1] + added[1]], x)
+    });
+    assert!(error < 1e-3, "{error}");
+    let k = 0.01;
+    let error = rig.error(&BatterySag { servo: true }, &[k], rig.start, &[], |t, u, x| {
+        let lost = k * (t - rig.stretch().time[0]);
+        (rig.base)([0, 1].map(|i| u[i] - lost * (u[i] - x[i])), x)
+    });
+    assert!(error < 1e-3, "{error}");
 }
 
 #[test]

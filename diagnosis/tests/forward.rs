@@ -51,7 +51,7 @@ fn friction_brakes_each_wheel() {
         let model = model();
         let scene = Scene::new(&data(&*model), &*model, 2.0 * HALF_TRACK, None, None);
         let kink = 0.008 * scene.scales.speed;
-        let error = difference(&[&CoulombFriction {}], &[c, rho], &[], [0.3, 0.2], |s, t, x| {
+        let error = difference(&[&CoulombFriction::default()], &[c, rho], &[], [0.3, 0.2], |s, t, x| {
             let u = held(s, t);
             let [l, r] = [x[0] - HALF_TRACK * x[1], x[0] + HALF_TRACK * x[1]].map(|s| c * (s / kink).tanh());
             base([u[0] - 0.5 * (l + r), u[1] - rho * (r - l) / (2.0 * HALF_TRACK)], x)

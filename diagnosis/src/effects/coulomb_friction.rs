@@ -1,4 +1,5 @@
-//! Dry friction of constant size at both wheels: f = c sgn s on each, s the wheel's ground speed.
+//! Dry friction of constant size at both wheels: f = c sgn s on each, s the wheel's ground speed; with `each_wheel` of a size of its own
+//! on each.
 //!
 //! In the body frame it uses up (f_R + f_L)/2 of the forward command and ρ (f_R − f_L)/(2h) of the turning command, ρ the
 //! turning ratio. In channels without wheels each output has a friction of its own.
@@ -7,12 +8,17 @@ use serde::{Deserialize, Serialize};
 use wheelwright_core::Effect;
 use wheelwright_core::effect::{Confusion, EffectParameter, Estimate, Instant, Scene, Stage, Start};
 
-use super::force;
+use super::force::{self, Wheel};
+use super::words::smooth_sign;
 
 /// Coulomb friction.
 #[derive(Debug, Clone, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct CoulombFriction {}
+pub struct CoulombFriction {
+    /// A size for each wheel. Default `false`.
+    #[serde(default)]
+    pub each_wheel: bool,
+}
 
 #[typetag::serde(name = "coulomb_friction")]
 impl Effect for CoulombFriction {
@@ -21,7 +27,10 @@ impl Effect for CoulombFriction {
     }
 
     fn about(&self) -> String {
-        "dry friction of constant size at both wheels".to_owned()
+        match self.each_wheel {
+            false => "dry friction of constant size at both wheels".to_owned(),
+            true => "dry friction of constant size at each wheel".to_owned(),
+        }
     }
 
     fn stage(&self) -> Stage {
@@ -33,19 +42,33 @@ impl Effect for CoulombFriction {
     }
 
     fn inapplicable(&self, scene: &Scene) -> Option<String> {
-        force::needs_commands(scene)
+        match self.each_wheel {
+            false => force::needs_commands(scene),
+            true => force::needs_wheels(scene),
+        }
     }
 
     fn parameters(&self, scene: &Scene) -> Vec<EffectParameter> {
-        force::sizes(scene, "friction").into_iter().chain(force::turning_ratio(scene)).collect()
+        let sizes = match self.each_wheel {
+            false => force::sizes(scene, "friction"),
+            true => [Wheel::Left, Wheel::Right]
+                .iter()
+                .flat_map(|wheel| force::sizes(scene, "friction").into_iter().map(|p| p.of("wheel", wheel.word())))
+                .collect(),
+        };
+        sizes.into_iter().chain(force::turning_ratio(scene)).collect()
     }
 
     fn starts(&self, scene: &Scene) -> Vec<Start> {
-        let scales: Vec<f64> = force::sizes(scene, "friction").iter().map(|p| p.scale).collect();
+        let scales: Vec<f64> = self.parameters(scene).iter().filter(|p| p.neutral.is_some()).map(|p| p.scale).collect();
         force::starts(scene, &scales, &(0..scales.len()).map(|i| vec![i]).collect::<Vec<_>>())
     }
 
     fn statement(&self, values: &[Estimate], scene: &Scene) -> String {
+        if let (true, [left, right, ..]) = (self.each_wheel, values) {
+            let [left, right] = [left, right].map(|v| force::in_words(*v, scene));
+            return format!("dry friction uses up {left} at the left wheel and {right} at the right one; the model had none");
+        }
         let whose = if scene.frame.has_wheels() { "at each wheel".to_owned() } else { format!("on `{}`", scene.outputs[0].name) };
         format!("dry friction {whose} uses up {}; the model had none", force::in_words(values[0], scene))
     }
@@ -81,6 +104,12 @@ impl Effect for CoulombFriction {
     }
 
     fn load(&self, p: &[f64], at: &Instant<'_>, outputs: &[f64], _state: &[f64], load: &mut [f64]) {
+        if self.each_wheel {
+            let frame = &at.scene.frame;
+            let [left, right] = frame.wheels(outputs).map(|s| smooth_sign(s, at.scene.scales.speed));
+            frame.add_at_wheels([p[0] * left, p[1] * right], p.get(2).copied().unwrap_or(1.0), load);
+            return;
+        }
         force::at_contacts(at, outputs, p.get(1), load, |contact, _, sign| p[contact] * sign);
     }
 }

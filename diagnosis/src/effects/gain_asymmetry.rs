@@ -1,15 +1,22 @@
 //! The wheels answer their commands unequally: U_R' = (1 + g) U_R, U_L' = (1 − g) U_L.
+//!
+//! With `servo` it is the whole loop of a wheel that is stronger, and not what it is told alone: the drive gains ± g (U − s), s the wheel's
+//! ground speed. At rest on its set-point such a wheel runs as the others do.
 
 use serde::{Deserialize, Serialize};
 use wheelwright_core::Effect;
-use wheelwright_core::effect::{Confusion, EffectParameter, Estimate, Instant, Scene, Stage, Start};
+use wheelwright_core::effect::{Confusion, EffectParameter, Estimate, Frame, Instant, Motion, Scene, Stage, Start};
 
 use super::words::{digits, quantity};
 
 /// A stronger wheel: unequal motors, amplifiers, or wheels in a drive without encoders.
 #[derive(Debug, Clone, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct GainAsymmetry {}
+pub struct GainAsymmetry {
+    /// The loops' gains differ, not their commands'. Default `false`.
+    #[serde(default)]
+    pub servo: bool,
+}
 
 #[typetag::serde(name = "gain_asymmetry")]
 impl Effect for GainAsymmetry {
@@ -18,14 +25,20 @@ impl Effect for GainAsymmetry {
     }
 
     fn about(&self) -> String {
-        "the wheels answer their commands unequally".to_owned()
+        match self.servo {
+            false => "the wheels answer their commands unequally".to_owned(),
+            true => "one wheel's speed loop is stronger than the other's".to_owned(),
+        }
     }
 
     fn stage(&self) -> Stage {
-        Stage::Gain
+        if self.servo { Stage::Drive } else { Stage::Gain }
     }
 
     fn inapplicable(&self, scene: &Scene) -> Option<String> {
+        if self.servo && !matches!(scene.frame, Frame::Body { .. }) {
+            return Some("the robot is not commanded by velocities: no loop keeps a wheel's rate".to_owned());
+        }
         (!scene.frame.has_wheels()).then(|| "the model's channels do not tell the wheels' commands".to_owned())
     }
 
@@ -42,9 +55,15 @@ impl Effect for GainAsymmetry {
         let (strong, weak) = if g.value < 0.0 { ("left", "right") } else { ("right", "left") };
         let percent = |x: f64| 100.0 * x * if g.value < 0.0 { -1.0 } else { 1.0 };
         let ends = g.ci95.map(|(a, b)| (percent(a).min(percent(b)), percent(a).max(percent(b))));
+        let size = quantity(Estimate { value: percent(g.value), ci95: ends }, "%");
+        if self.servo {
+            return format!(
+                "the {strong} wheel's speed loop is {size} stronger and the {weak} wheel's as much weaker; the model had equal loops"
+            );
+        }
         format!(
             "the {strong} wheel answers its command {} too strongly and the {weak} wheel as much too weakly: the robot veers {} by {} of its forward speed; the model had equal wheels",
-            quantity(Estimate { value: percent(g.value), ci95: ends }, "%"),
+            size,
             weak,
             digits(2.0 * g.value.abs()),
         )
@@ -79,7 +98,20 @@ impl Effect for GainAsymmetry {
     fn command(&self, p: &[f64], at: &Instant<'_>, _outputs: &[f64], _state: &mut [f64], u: &mut [f64]) {
         let frame = at.scene.frame;
         let [left, right] = frame.wheels(u);
+        if self.servo {
+            return;
+        }
         let added = frame.from_wheels([-p[0] * left, p[0] * right]);
         u.iter_mut().zip(added).for_each(|(u, d)| *u += d);
+    }
+
+    fn drive(&self, p: &[f64], at: &Instant<'_>, motion: &Motion<'_>, _state: &[f64], drive: &mut [f64]) {
+        if !self.servo {
+            return;
+        }
+        let frame = at.scene.frame;
+        let (told, done) = (frame.wheels(motion.u), frame.wheels(motion.outputs));
+        let added = frame.from_wheels([-p[0] * (told[0] - done[0]), p[0] * (told[1] - done[1])]);
+        drive.iter_mut().zip(added).for_each(|(drive, d)| *drive += d);
     }
 }

@@ -68,6 +68,10 @@ impl Effect for LateralComOffset {
                 because: "unequal wheels also couple forward motion and turning; they do so at constant speed too",
             },
             Confusion {
+                with: "wheel_radius_mismatch",
+                because: "unequal wheels couple the encoders' velocities as a weight to one side couples the robot's; a measured heading tells",
+            },
+            Confusion {
                 with: "viscous_asymmetry",
                 because: "without acceleration a coupling of the axes shows in steady motion only, which is friction's",
             },

@@ -131,8 +131,10 @@ fn command_side() -> Vec<Box<dyn Effect>> {
         Box::new(DeadZone::default()),
         Box::new(VelocitySaturation::default()),
         Box::new(TorqueSaturation {}),
-        Box::new(GainAsymmetry {}),
-        Box::new(BatterySag {}),
+        Box::new(GainAsymmetry::default()),
+        Box::new(GainAsymmetry { servo: true }),
+        Box::new(BatterySag::default()),
+        Box::new(BatterySag { servo: true }),
         Box::new(IntegralAction {}),
     ];
     for axis in [Axis::V, Axis::Omega] {
@@ -165,9 +167,10 @@ fn sensors() -> Vec<Box<dyn Effect>> {
 /// Effects on the dynamics.
 fn dynamics() -> Vec<Box<dyn Effect>> {
     vec![
-        Box::new(CoulombFriction {}),
+        Box::new(CoulombFriction::default()),
         Box::new(CoulombFrictionOneWheel { wheel: Wheel::Left }),
         Box::new(CoulombFrictionOneWheel { wheel: Wheel::Right }),
+        Box::new(CoulombFriction { each_wheel: true }),
         Box::new(StribeckFriction {}),
         Box::new(RollingResistance {}),
         Box::new(DirectionAsymmetry {}),

@@ -120,6 +120,10 @@ impl Effect for WheelRadiusMismatch {
                 with: "gain_asymmetry",
                 because: "a gain behind the drive and one before it differ only in what the two axes' different time constants leave of them; with equal time constants they are the same",
             },
+            Confusion {
+                with: "lateral_com_offset",
+                because: "where the encoders that the loops keep are all that is recorded, the two are the same mathematics; a measured heading tells",
+            },
             Confusion { with: "command_offset", because: "at one forward speed a veer in proportion to it is a constant turning command" },
             Confusion { with: "theta4", because: "always: the part that both wheels share scales all parameters and leaves no trace" },
         ]

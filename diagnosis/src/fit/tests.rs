@@ -97,7 +97,7 @@ fn at_the_optimum_the_residual_is_orthogonal_to_every_column_and_every_start() {
 /// a hundred.
 #[test]
 fn the_score_of_an_effect_under_the_null_is_chi_squared() {
-    let (asymmetry, friction) = (GainAsymmetry {}, CoulombFriction::default());
+    let (asymmetry, friction) = (GainAsymmetry::default(), CoulombFriction::default());
     let (mut sum, mut count) = (0.0, 0.0);
     for seed in 0..12 {
         fitted(&Case::clean(100 + seed), |setting, whitening, base| {

@@ -98,7 +98,7 @@ fn statement(location: &Location) -> String {
     if let Some((name, share)) = location.channels.iter().max_by(|a, b| a.1.total_cmp(&b.1)).filter(|c| c.1 > 0.0) {
         parts.push(format!("{:.0} % of the misfit beyond noise is in {name}", 100.0 * share));
     }
-    if let Some(region) = location.regions.first() {
+    if let Some(region) = location.regions.iter().find(|r| r.share >= regions::NOTABLE) {
         parts.push(format!(
             "{:.0} % of it lies in {:.0} % of the samples: {}",
             100.0 * region.share,

@@ -19,7 +19,7 @@ const FEWEST: usize = 8;
 /// A region of another quantity is told if it holds this many times its share of the samples...
 const ENRICHED: f64 = 1.5;
 /// ... and this share of the excess.
-const NOTABLE: f64 = 0.25;
+pub(super) const NOTABLE: f64 = 0.25;
 /// So many times as distinct as an output's region must another quantity's be: commands and outputs go together.
 const CLEARLY: f64 = 2.0;
 /// Most regions told.
@@ -191,11 +191,12 @@ fn divergence(p: f64, e: f64) -> f64 {
 fn words(quantity: &Quantity, low: f64, high: f64, (lowest, highest): (bool, bool)) -> String {
     let reach = quantity.values.iter().fold(0.0_f64, |m, v| m.max(v.abs()));
     let Quantity { name, unit, .. } = quantity;
+    let unit = if unit == "1" { String::new() } else { format!(" {unit}") };
     let (low_text, high_text) = (crate::effects::digits(low), crate::effects::digits(high));
     let range = match (lowest, highest) {
-        (true, false) => format!("{name} below {high_text} {unit}"),
-        (false, true) => format!("{name} above {low_text} {unit}"),
-        _ => format!("{name} between {low_text} and {high_text} {unit}"),
+        (true, false) => format!("{name} below {high_text}{unit}"),
+        (false, true) => format!("{name} above {low_text}{unit}"),
+        _ => format!("{name} between {low_text} and {high_text}{unit}"),
     };
     let kind = if name.ends_with("_dot") {
         if low.min(-high) > 0.0 || low > 0.0 {
@@ -219,12 +220,19 @@ fn words(quantity: &Quantity, low: f64, high: f64, (lowest, highest): (bool, boo
         return range;
     };
     let kind = match (name.as_str(), kind) {
-        ("v" | "v_ref" | "wheel_speed_left" | "wheel_speed_right", k) => k.replace(" or leftwards", "").replace(" or rightwards", ""),
+        ("v" | "v_ref" | "wheel_speed_left" | "wheel_speed_right" | "vel_left" | "vel_right" | "u_left" | "u_right", k) => {
+            k.replace(" or leftwards", "").replace(" or rightwards", "")
+        }
         ("omega" | "omega_ref", k) => k
             .replace("forwards or leftwards", "turning left")
             .replace("backwards or rightwards", "turning right")
             .replace("at the fastest turning", "turning fastest"),
-        (_, k) => k.to_owned(),
+        (name, k) if name.ends_with("_dot") => k.to_owned(),
+        (_, k) => k
+            .replace("at the fastest forwards or leftwards", "at its largest")
+            .replace("at the fastest backwards or rightwards", "at its most negative")
+            .replace("forwards or leftwards", "positive")
+            .replace("backwards or rightwards", "negative"),
     };
     if name == "phi" { range } else { format!("{kind} ({range})") }
 }

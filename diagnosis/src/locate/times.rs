@@ -53,28 +53,32 @@ pub(super) fn changes(comparison: &Comparison<'_>) -> Vec<ChangePoint> {
     if n < 4 * EDGE {
         return Vec::new();
     }
-    // Energies of blocks scatter by factors: their logarithms are compared, with the scatter measured between neighbours.
+    // Energies of blocks scatter by factors: their logarithms are compared.
     let logs: Vec<f64> = energy.iter().map(|e| e.ln()).collect();
-    let mut steps: Vec<f64> = logs.windows(2).map(|w| (w[1] - w[0]).abs()).collect();
-    let scatter = wheelwright_core::recording::median(&mut steps) / 0.954;
-    // Neighbouring seconds are alike: as many independent ones as the lag-one correlation leaves.
-    let mean = logs.iter().sum::<f64>() / n as f64;
-    let variance = logs.iter().map(|l| (l - mean).powi(2)).sum::<f64>() / n as f64;
-    let noise = (scatter * scatter).max(variance * 0.05).max(1e-6);
-    let ratio = |k: usize| {
-        let (a, b) = logs.split_at(k);
-        let (ma, mb) = (a.iter().sum::<f64>() / a.len() as f64, b.iter().sum::<f64>() / b.len() as f64);
-        a.len() as f64 * b.len() as f64 / n as f64 * (ma - mb).powi(2) / noise
+    let means = |k: usize| [&logs[..k], &logs[k..]].map(|part| part.iter().sum::<f64>() / part.len() as f64);
+    let step = |k: usize| {
+        let [before, after] = means(k);
+        (k * (n - k)) as f64 / n as f64 * (before - after).powi(2)
     };
-    let ratios: Vec<(usize, f64)> = (EDGE..n - EDGE).map(|k| (k, ratio(k))).collect();
-    let Some(&(at, best)) = ratios.iter().max_by(|a, b| a.1.total_cmp(&b.1)) else { return Vec::new() };
+    let Some(at) = (EDGE..n - EDGE).max_by(|a, b| step(*a).total_cmp(&step(*b))) else { return Vec::new() };
+    // What is largest at an end of where it is sought grows beyond it: the robot had not moved yet, or no longer did.
+    if at == EDGE || at == n - EDGE - 1 {
+        return Vec::new();
+    }
+    let [before, after] = means(at);
+    let left: Vec<f64> = logs.iter().enumerate().map(|(k, x)| x - if k < at { before } else { after }).collect();
+    // Neighbouring seconds are alike: the variance of a mean is that of independent ones times (1 + r)/(1 - r).
+    let square = left.iter().map(|x| x * x).sum::<f64>();
+    let alike = (left.windows(2).map(|w| w[0] * w[1]).sum::<f64>() / square.max(f64::MIN_POSITIVE)).clamp(0.0, 0.95);
+    let noise = (square / n as f64 * (1.0 + alike) / (1.0 - alike)).max(1e-6);
+    let ratios: Vec<(usize, f64)> = (EDGE..n - EDGE).map(|k| (k, step(k) / noise)).collect();
+    let best = step(at) / noise;
     if best < DISTINCT {
         return Vec::new();
     }
     let time = |block: usize| comparison.data.stretches[blocks[block].0].time[blocks[block].1.start];
     let within: Vec<usize> = ratios.iter().filter(|(_, r)| best - r <= WITHIN).map(|(k, _)| *k).collect();
     let (first, last) = (within.first().copied().unwrap_or(at), within.last().copied().unwrap_or(at));
-    let grows = logs[at..].iter().sum::<f64>() / (n - at) as f64 > logs[..at].iter().sum::<f64>() / at as f64;
-    let words = format!("the misfit {} from here on", if grows { "is larger" } else { "is smaller" });
+    let words = format!("the misfit {} from here on", if after > before { "is larger" } else { "is smaller" });
     vec![ChangePoint { time: time(at), interval: (time(first.saturating_sub(1)), time((last + 1).min(n - 1))), words }]
 }

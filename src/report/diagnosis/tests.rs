@@ -30,7 +30,7 @@ fn data(model: &dyn RegressorModel, start: f64, rows: usize) -> Dataset {
 
 fn replay(model: &dyn RegressorModel, mut measured: Dataset, named: bool) -> (Replay, Scene) {
     let scene = Scene::new(&measured, model, 0.34, Some(0.0975), None);
-    let friction: [&dyn Effect; 1] = [&CoulombFriction {}];
+    let friction: [&dyn Effect; 1] = [&CoulombFriction::default()];
     let truth = validate_with_effects(model, &THETA, &friction, &FRICTION, (&scene, Readout::Instantaneous), &measured).unwrap();
     // A little noise, from a generator that needs no crate.
     let mut seed = 12345_u64;
