@@ -157,10 +157,14 @@ impl Adaptation {
     pub fn advance(&self, theta: &mut [f64], dt: f64) {
         for (i, value) in theta.iter_mut().enumerate() {
             *value += dt * self.rate[i];
-            // A parameter that started beyond a bound is not thrown onto it.
-            if self.rate[i] != 0.0 {
-                *value = value.clamp(self.lower[i].min(self.nominal[i]), self.upper[i].max(self.nominal[i]));
-            }
+        }
+        self.clamp(theta);
+    }
+
+    /// Brings parameters back to the bound they passed. One that started beyond a bound is not thrown onto it.
+    pub fn clamp(&self, theta: &mut [f64]) {
+        for (i, value) in theta.iter_mut().enumerate() {
+            *value = value.clamp(self.lower[i].min(self.nominal[i]), self.upper[i].max(self.nominal[i]));
         }
     }
 }

@@ -82,6 +82,7 @@ impl<'a> Continuous<'a> {
         for (i, x) in self.state.iter_mut().enumerate() {
             *x += dt / 6.0 * (k1[i] + 2.0 * (k2[i] + k3[i]) + k4[i]);
         }
+        self.adaptation.clamp(&mut self.state[MOTION..]);
         self.time += dt;
         match self.state.iter().all(|x| x.is_finite()) {
             true => Ok(()),
