@@ -94,7 +94,9 @@ fn page(results: &Results, verdicts: &[(String, Verdict)]) -> String {
     let mut table = Table::new(&["Figure or table", "The thesis", "Here", "Verdict"]);
     for (case, (ours, verdict)) in CASES.iter().zip(verdicts) {
         let name = format!("<a href=\"#{}\">{}</a>", case.file.trim_end_matches(".toml"), escape(case.name));
-        table.row(vec![name, escape(case.states), escape(ours), format!("<b>{}</b>{}", verdict.word(), verdict.why())]);
+        let wrapped = |html: String| format!("<div style=\"white-space:normal;min-width:11em\">{html}</div>");
+        let verdict = format!("<b>{}</b>{}", verdict.word(), verdict.why());
+        table.row(vec![name, wrapped(escape(case.states)), wrapped(escape(ours)), wrapped(verdict)]);
     }
     page.section("overview", "All of them", &table.html());
     page.section("errata", "What the printed formulas would give", &errata::html());
