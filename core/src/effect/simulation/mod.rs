@@ -32,6 +32,9 @@ const MAX_SUBSTEPS: usize = 16;
 /// Change of an output within a step by the bend of the right side alone, relative to its root mean square, above which the
 /// interval is stepped again more finely.
 const BEND: f64 = 0.02;
+/// What such a step may miss of an output, relative to its root mean square, if it is kept because the right side only slopes: a few
+/// times the pilot's aim.
+const MISSED: f64 = 1e-4;
 /// Outputs beyond this cannot be squared and multiplied any more.
 const OVERFLOW: f64 = 1e100;
 /// How much more finely.

@@ -1,6 +1,6 @@
 //! The physics that a robot has beyond rigid wheels and ideal motors, each part switched on by its own table.
 //!
-//! One file a part: it holds the part's settings and the forces, torques, voltages or times it makes. [`machine`] puts the parts that are
+//! One file a part: it holds the part's settings and the forces, torques, voltages or times it makes. `machine` puts the parts that are
 //! on together and integrates them. Nothing here speaks of θ or of what a diagnosis could fit: a part knows newtons and volts only.
 //! Without any table the simulator is the rigid plant it always was, to the last bit.
 
