@@ -29,15 +29,15 @@ use crate::simulation::Readout;
 const TOLERANCE: f64 = 2e-5;
 /// Most sub-steps that the pilot may choose.
 const MAX_SUBSTEPS: usize = 16;
-/// Change of an output within a step by the bend of the right side alone, relative to its root mean square, above which the
-/// interval is stepped again more finely.
+/// Change of an output within a step by the change of the right side alone, relative to its root mean square, above which the step is
+/// looked at more closely.
 const BEND: f64 = 0.02;
-/// What such a step may miss of an output, relative to its root mean square, if it is kept because the right side only slopes: a few
+/// What such a step may miss of an output, relative to its root mean square, before the interval is stepped again more finely: a few
 /// times the pilot's aim.
 const MISSED: f64 = 1e-4;
 /// Outputs beyond this cannot be squared and multiplied any more.
 const OVERFLOW: f64 = 1e100;
-/// How much more finely.
+/// How much more finely at most.
 const REFINEMENT: usize = 8;
 /// A model with effects and their parameters, ready to be run. Stepping allocates nothing.
 #[derive(Debug)]

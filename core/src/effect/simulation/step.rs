@@ -143,23 +143,25 @@ impl EffectSimulator<'_> {
         self.slots.measure(at, &|time, out| trace.at(time, out), &mut self.state, &mut self.body.next);
     }
 
-    /// Advances over the interval that begins at a sample, twice if the first pass bends too much.
+    /// Advances over the interval that begins at a sample, twice if the first pass may have missed too much: then as finely as an error
+    /// of second order asks for.
     #[inline(always)]
     fn interval<const N: usize, const DIAGONAL: bool>(&mut self, at: &Instant<'_>, end: f64) -> Result<(), ModelError> {
         self.body.saved.copy_from_slice(&self.body.x);
         self.saved.copy_from_slice(&self.state);
         let kept = self.trace.len();
-        let bend = self.pass::<N, DIAGONAL>(at, end, self.substeps)?;
-        if bend > BEND && self.body.x.iter().all(|x| x.is_finite()) {
+        let missed = self.pass::<N, DIAGONAL>(at, end, self.substeps)?;
+        if missed > MISSED && self.body.x.iter().all(|x| x.is_finite()) {
             self.body.x.copy_from_slice(&self.body.saved);
             self.state.copy_from_slice(&self.saved);
             self.trace.truncate(kept, self.body.x.len());
-            self.pass::<N, DIAGONAL>(at, end, REFINEMENT * self.substeps)?;
+            let finer = ((missed / MISSED).sqrt().ceil() as usize).min(REFINEMENT);
+            self.pass::<N, DIAGONAL>(at, end, finer * self.substeps)?;
         }
         Ok(())
     }
 
-    /// One pass over an interval; returns the largest bend.
+    /// One pass over an interval; returns the most that a step may have missed.
     #[inline(always)]
     fn pass<const N: usize, const DIAGONAL: bool>(&mut self, first: &Instant<'_>, end: f64, substeps: usize) -> Result<f64, ModelError> {
         let start = first.time;
@@ -188,7 +190,7 @@ impl EffectSimulator<'_> {
         Ok(worst)
     }
 
-    /// One step from `at`; returns by how much the right side changes within it, nothing if the step follows that change.
+    /// One step from `at`; returns what it may miss where the right side changes much within it.
     #[inline(always)]
     fn step<const N: usize, const DIAGONAL: bool>(&mut self, at: &Instant<'_>, h: f64) -> Result<f64, ModelError> {
         let Self { model, theta, slots, state, linear, body: b, trace, readout, .. } = self;
@@ -238,7 +240,7 @@ impl EffectSimulator<'_> {
             slots.advance(&end, x, &b.work.given, state);
         }
         if h * bend <= BEND {
-            return Ok(h * bend);
+            return Ok(0.0);
         }
         // The step is exact for a right side that changes evenly. A third look tells a bend from a slope: of a parabola a sixth of what
         // the ends differ from twice the middle is missed.
@@ -249,7 +251,7 @@ impl EffectSimulator<'_> {
             let last = n1[i] - row::<DIAGONAL>(part, i, x);
             curved = curved.max((n0[i] - 2.0 * nm[i] + last).abs() * b.fineness[i]);
         }
-        Ok(if h * curved <= 6.0 * MISSED { 0.0 } else { h * bend })
+        Ok(h * curved / 6.0)
     }
 }
 
