@@ -27,21 +27,34 @@ pub(crate) fn fit(setting: &mut Setting<'_>, question: &Question<'_>) -> Result<
             Err(_) => {}
         }
     }
+    let best = best_from(setting, &starts).or_else(|| best_from(setting, &tamed(&starts)));
+    let fit = best.ok_or_else(|| DiagnosisError::NoStart("its free run leaves the range of numbers".to_owned()))?;
+    if setting.free() > 0 {
+        let free = fit.point.x.clone();
+        setting.measure(&free);
+    }
+    Ok(fit)
+}
+
+/// The starts with each parameter in turn at nothing: a regression of motion that the model lacks can put a coupling of outputs beyond
+/// stability, and without it the run is tame.
+pub(super) fn tamed(starts: &[Vec<f64>]) -> Vec<Vec<f64>> {
+    let without = |start: &[f64], j: usize| start.iter().enumerate().map(|(i, z)| if i == j { 0.0 } else { *z }).collect();
+    starts.iter().flat_map(|start| (0..start.len()).map(move |j| without(start, j))).collect()
+}
+
+/// The likeliest fit from several starts; none if the model cannot be simulated from any.
+pub(super) fn best_from(setting: &mut Setting<'_>, starts: &[Vec<f64>]) -> Option<Fit> {
     let mut best: Option<(f64, Fit)> = None;
     for z in starts {
-        let z = within(setting, z);
+        let z = within(setting, z.clone());
         let Some(fit) = from(setting, z) else { continue };
         let likelihood = fit.likelihood(setting);
         if best.as_ref().is_none_or(|(b, _)| likelihood > *b) {
             best = Some((likelihood, fit));
         }
     }
-    let (_, fit) = best.ok_or_else(|| DiagnosisError::NoStart("its free run leaves the range of numbers".to_owned()))?;
-    if setting.free() > 0 {
-        let free = fit.point.x.clone();
-        setting.measure(&free);
-    }
-    Ok(fit)
+    best.map(|(_, fit)| fit)
 }
 
 /// The fit from one start, noise white; its likelihood is comparable with that of other starts.

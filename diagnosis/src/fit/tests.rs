@@ -8,7 +8,7 @@ use wheelwright_core::simulation::Readout;
 use wheelwright_models::VwPdConfig;
 
 use super::algebra::dot;
-use super::base::{fit, renew};
+use super::base::{best_from, fit, renew, tamed};
 use super::layout::Layout;
 use super::search::{Effort, Fit, evaluate};
 use super::setting::{Runner, Setting};
@@ -46,6 +46,19 @@ fn fitted<T>(case: &Case, f: impl FnOnce(&Setting<'_>, &Whitening, &Fit) -> T) -
     let noise = Noise::white(&NOISE, &setting.layout);
     let (whitening, base) = renew(&setting, &mut runner, noise, &rough, EFFORT).unwrap();
     f(&setting, &whitening, &base)
+}
+
+#[test]
+fn a_start_whose_coupling_is_beyond_stability_is_tamed() {
+    fitted(&Case::clean(5), |setting, _, base| {
+        let mut setting = setting.clone();
+        let mut wild = THETA.to_vec();
+        (wild[2], wild[4]) = (0.005, -30.0);
+        assert!(best_from(&mut setting, &[wild.clone()]).is_none(), "this start was to run away");
+        let found = best_from(&mut setting, &tamed(&[wild])).unwrap();
+        let apart = (0..THETA.len()).map(|j| (found.point.x[j] - base.point.x[j]).abs()).fold(0.0, f64::max);
+        assert!(apart < 1e-2, "{:?} for {:?}", found.point.x, base.point.x);
+    });
 }
 
 #[test]
