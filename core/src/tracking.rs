@@ -117,7 +117,7 @@ pub fn start_pose(outputs: &[Channel], measured: &[f64]) -> [f64; 3] {
 }
 
 impl Tracker<'_> {
-    /// The law for [`steer`](crate::drive::steer).
+    /// The law for [`steer`].
     ///
     /// # Errors
     /// [`DriveFault::OffCourse`] when the robot is too far from where it should be.
