@@ -86,9 +86,11 @@ pub(crate) fn weights(squares: &[f64], rows: usize) -> Vec<f64> {
     squares.iter().map(|s| rows as f64 / s.max(f64::MIN_POSITIVE)).collect()
 }
 
-/// Sum of squares of each output.
-pub(crate) fn squares(setting: &Setting<'_>, residual: &[f64]) -> Vec<f64> {
-    parts(setting).into_iter().map(|p| dot(&residual[p.clone()], &residual[p])).collect()
+/// Sum of squares of each output, with those of the numerical error: what is smaller than that explains nothing.
+pub(crate) fn squares(setting: &Setting<'_>, whitening: &Whitening, residual: &[f64]) -> Vec<f64> {
+    let rows = setting.layout.counted() as f64;
+    let numerical = setting.floor.iter().zip(&whitening.noise.innovation).map(|(floor, unit)| rows * (floor / unit).powi(2));
+    parts(setting).into_iter().zip(numerical).map(|(p, numerical)| numerical + dot(&residual[p.clone()], &residual[p])).collect()
 }
 
 /// Simulates a point and settles its starts; `None` where it cannot be evaluated.
@@ -100,7 +102,7 @@ pub(crate) fn evaluate(setting: &Setting<'_>, runner: &mut Runner<'_, '_>, white
     let mut point = point.clone();
     let mut residual: Vec<f64> = setting.measured.iter().zip(&simulated).map(|(y, s)| y - s).collect();
     whitening.settle(&mut residual, &mut point.starts);
-    let squares = squares(setting, &residual);
+    let squares = squares(setting, whitening, &residual);
     let unusual = usual(setting, runner).map(|(j, value, spread)| ((point.x[j] - value) / spread).powi(2)).sum();
     squares.iter().all(|s| s.is_finite()).then_some(Fit { point, simulated, residual, columns: Vec::new(), squares, unusual })
 }
