@@ -20,7 +20,8 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         || -> Result<Live, Box<dyn std::error::Error>> { Ok(Live::new(Box::new(SimulatorConfig::preset("khepera-3")?.build(1)?))) };
     let theta = vec![0.2183, 0.1918, -0.0050, 0.9993, -0.0279, 1.0142];
     let model = Arc::from(VwPdConfig::default().build()?);
-    let pioneer = Subject { model, theta, intervals: vec![None; 6], own: None, period: 0.1, envelope: Envelope::default() };
+    let pioneer =
+        Subject { model, theta, intervals: vec![None; 6], own: None, period: 0.1, envelope: Envelope::default(), course: Vec::new() };
     let unknown = Subject { period: 0.02, ..pioneer.clone() };
     let found = learn(&mut khepera()?, &ThesisKhepera::default(), &unknown, &OutputError::default(), DriveOptions::default())?;
     let target = informed(&unknown, &found);

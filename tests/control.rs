@@ -7,6 +7,7 @@ use std::path::Path;
 use std::process::{Command, Output};
 
 use serde_json::Value;
+use wheelwright_core::recording::ReadOptions;
 
 fn wheelwright(arguments: &[&str]) -> Output {
     Command::new(env!("CARGO_BIN_EXE_wheelwright")).args(arguments).current_dir(env!("CARGO_MANIFEST_DIR")).output().unwrap()
@@ -21,6 +22,12 @@ fn json(arguments: &[&str]) -> Value {
 fn rows(path: &Path) -> Vec<Vec<f64>> {
     let text = fs::read_to_string(path).unwrap();
     text.lines().map(|line| line.split_whitespace().map(|word| word.parse().unwrap()).collect()).collect()
+}
+
+/// Rows of a recording.
+fn inspected(path: &Path) -> u64 {
+    let recording = wheelwright::recordings::open(path, &ReadOptions::default()).unwrap();
+    recording.rows() as u64
 }
 
 #[test]
@@ -58,7 +65,7 @@ fn what_is_dangerous_is_refused_before_the_robot_moves() {
     assert_eq!(refused.status.code(), Some(2));
     let message = String::from_utf8_lossy(&refused.stderr).into_owned();
     assert!(message.contains("refused") && message.contains("at which it is stable"), "{message}");
-    assert!(!folder.path().join("actual").exists());
+    assert!(!folder.path().join("actual").exists() && !folder.path().join("recording.csv").exists());
     let missing = wheelwright(&["track", "examples/pioneer.toml", "--out", out]);
     assert_eq!(missing.status.code(), Some(2));
     assert!(String::from_utf8_lossy(&missing.stderr).contains("`controller`: is missing"));
@@ -87,6 +94,14 @@ fn a_migrated_controller_is_as_good_as_a_native_one() {
         assert!(verdict("unmigrated_over_migrated") > 3.0, "{name}: {}", document["verdict"]);
         for file in ["result.json", "report.html", "controller.toml", "model.toml", "desired", "actual"] {
             assert!(folder.path().join(file).exists(), "{name}: {file}");
+        }
+        let runs = document["runs"].as_array().unwrap().iter().map(|run| (run["folder"].as_str().unwrap(), run["result"]["rows"].as_u64()));
+        let others = [("identification", None), ("native-identification", None)];
+        for (run, rows) in runs.chain(others) {
+            let read = |file: &str| inspected(&folder.path().join(run).join(file));
+            let (csv, mcap) = (read("recording.csv"), read("recording.mcap"));
+            assert_eq!(csv, mcap, "{name}: {run}");
+            assert!(rows.is_none_or(|rows| rows == csv), "{name}: {run}: {rows:?} {csv}");
         }
     }
 }

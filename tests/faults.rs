@@ -1,7 +1,8 @@
 //! The fault table: whatever goes wrong, the robot stands within two control cycles and the recording is readable.
 //!
 //! The first half injects faults into a robot inside this process, which counts what it was told after the fault. The second half sends
-//! signals to the program while it drives the simulator in real time, and looks at the files it leaves. `cargo test --test faults --
+//! signals to the program while it drives the simulator in real time, and looks at the files it leaves. Both drive in both ways: with an
+//! excitation, as `record` does, and with a controller on a trajectory, as `track` does. `cargo test --test faults --
 //! --nocapture` prints the table.
 
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test that cannot go on fails")]
@@ -13,13 +14,16 @@ use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
+use wheelwright::controllers::trajectory::Circle;
 use wheelwright::record::RecordingFiles;
 use wheelwright_core::channel::{self, Channel};
+use wheelwright_core::controller::{Controller, Observation};
 use wheelwright_core::drive::{DeadMan, DriveError, DriveOptions, DriveProgress, Floor, RowSink, Safety, SinkError, Watchdog, drive};
 use wheelwright_core::excitation::{Excitation, ExcitationError};
 use wheelwright_core::profile::Limits;
 use wheelwright_core::recording::ReadOptions;
 use wheelwright_core::robot::{Live, Robot, RobotError};
+use wheelwright_core::tracking::track;
 
 static INPUTS: [Channel; 2] = [channel::V_REF, channel::OMEGA_REF];
 static OUTPUTS: [Channel; 5] = [channel::V, channel::OMEGA, channel::X, channel::Y, channel::PHI];
@@ -46,8 +50,15 @@ enum Fault {
     ClockNotANumber,
     DriverPanics,
     StopFails,
-    ExcitationPanics,
-    ExcitationNotANumber,
+    LawPanics,
+    LawNotANumber,
+}
+
+/// What decides the commands.
+#[derive(Debug, Clone, Copy)]
+enum Way {
+    Excited,
+    Tracked,
 }
 
 /// What the robot was told, kept where the test sees it.
@@ -145,13 +156,29 @@ impl Excitation for Wave {
         Ok(())
     }
     fn command(&self, t: f64, _: &[Channel], command: &mut [f64]) {
-        let struck = t >= (STRIKE as f64 - 0.5) * PERIOD;
-        command.copy_from_slice(&[0.5 + 0.2 * t.sin(), 0.3 * t.cos()]);
-        match self.0 {
-            Fault::ExcitationPanics if struck => panic!("a bug in the excitation"),
-            Fault::ExcitationNotANumber if struck => command[1] = f64::NAN,
-            _ => {}
-        }
+        wave(self.0, t, command);
+    }
+}
+
+fn wave(fault: Fault, t: f64, command: &mut [f64]) {
+    let struck = t >= (STRIKE as f64 - 0.5) * PERIOD;
+    command.copy_from_slice(&[0.5 + 0.2 * t.sin(), 0.3 * t.cos()]);
+    match fault {
+        Fault::LawPanics if struck => panic!("a bug in the law"),
+        Fault::LawNotANumber if struck => command[1] = f64::NAN,
+        _ => {}
+    }
+}
+
+impl Controller for Wave {
+    fn inputs(&self) -> &[Channel] {
+        &INPUTS
+    }
+    fn outputs(&self) -> &[Channel] {
+        &OUTPUTS
+    }
+    fn step(&mut self, now: &Observation<'_>, command: &mut [f64]) {
+        wave(self.0, now.t, command);
     }
 }
 
@@ -179,7 +206,7 @@ struct Ended {
 }
 
 /// Drives with a fault into files, and reads both back.
-fn drive_into(folder: &Path, fault: Fault, real_time: bool, options: impl FnOnce(DriveOptions<'_>) -> DriveOptions<'_>) -> Ended {
+fn drive_into(folder: &Path, way: Way, fault: Fault, real_time: bool, options: impl FnOnce(DriveOptions<'_>) -> DriveOptions<'_>) -> Ended {
     let log = Arc::new(Mutex::new(Log::default()));
     let mut files = RecordingFiles::create(folder, INPUTS.iter().chain(&OUTPUTS)).unwrap();
     let paths: Vec<_> = files.paths().map(Path::to_owned).collect();
@@ -193,7 +220,13 @@ fn drive_into(folder: &Path, fault: Fault, real_time: bool, options: impl FnOnce
             let mut sinks = files.sinks();
             sinks.append(&mut options.sinks);
             let options = DriveOptions { sinks, ..options };
-            drive(&mut robot, &Wave(fault), options).map(drop)
+            match way {
+                Way::Excited => drive(&mut robot, &Wave(fault), options).map(drop),
+                Way::Tracked => {
+                    let circle = Circle { radius: 2.0, speed: 0.5 };
+                    track(&mut robot, &mut Wave(fault), &circle, 4.0, f64::INFINITY, options).unwrap().outcome.map(drop)
+                }
+            }
         }))
     };
     let log = log.lock().unwrap();
@@ -210,9 +243,9 @@ fn line(name: &str, cycles: usize, rows: usize, why: &str) {
 }
 
 /// A fault of robot or excitation: the drive ends with words that say so.
-fn expect(name: &str, fault: Fault, says: &str) {
+fn expect(name: &str, way: Way, fault: Fault, says: &str) {
     let folder = tempfile::tempdir().unwrap();
-    let ended = drive_into(folder.path(), fault, false, |options| options);
+    let ended = drive_into(folder.path(), way, fault, false, |options| options);
     let why = match &ended.outcome {
         Some(Err(error)) => error.to_string(),
         Some(Ok(())) => panic!("{name}: the drive went on"),
@@ -228,7 +261,7 @@ fn expect(name: &str, fault: Fault, says: &str) {
 }
 
 #[test]
-fn faults_of_robot_and_excitation() {
+fn faults_of_robot_and_law() {
     for (name, fault, says) in [
         ("link cut", Fault::LinkCut, "reset by peer"),
         ("half a packet", Fault::HalfPacket, "the rest of a packet"),
@@ -242,17 +275,19 @@ fn faults_of_robot_and_excitation() {
         ("clock leaps ahead", Fault::ClockJumps, "the robot's clock jumped"),
         ("clock is NaN", Fault::ClockNotANumber, "does not advance"),
         ("panic in the driver", Fault::DriverPanics, "a panic passed through"),
-        ("panic in the excitation", Fault::ExcitationPanics, "a panic passed through"),
-        ("NaN from the excitation", Fault::ExcitationNotANumber, "command `omega_ref` is NaN"),
+        ("panic in the law", Fault::LawPanics, "a panic passed through"),
+        ("NaN from the law", Fault::LawNotANumber, "command `omega_ref` is NaN"),
     ] {
-        expect(name, fault, says);
+        expect(name, Way::Excited, fault, says);
+        expect(&format!("{name}, tracking"), Way::Tracked, fault, says);
     }
 }
 
-/// A drive without a fault of its own that something from outside ends.
+/// A drive without a fault of its own that something from outside ends. It tracks: there all options are handed on to the loop that
+/// an excitation drives in directly.
 fn ended_by(name: &str, says: &str, real_time: bool, options: impl FnOnce(DriveOptions<'_>) -> DriveOptions<'_>) -> Ended {
     let folder = tempfile::tempdir().unwrap();
-    let ended = drive_into(folder.path(), Fault::None, real_time, options);
+    let ended = drive_into(folder.path(), Way::Tracked, Fault::None, real_time, options);
     let why = match &ended.outcome {
         Some(Err(error)) => error.to_string(),
         Some(Ok(())) => "the drive ended in order".to_owned(),
@@ -330,7 +365,7 @@ fn the_floor_is_not_left() {
     let floor = Floor { x: [-0.5, 1.2], y: [-1.0, 1.0], margin: 0.1, deceleration: Some(0.5), reaction: 0.0 };
     let safety = Safety { floor: Some(floor), ..Safety::default() };
     let folder = tempfile::tempdir().unwrap();
-    let ended = drive_into(folder.path(), Fault::None, false, |o| DriveOptions { safety, ..o });
+    let ended = drive_into(folder.path(), Way::Excited, Fault::None, false, |o| DriveOptions { safety, ..o });
     let why = ended.outcome.unwrap().unwrap_err().to_string();
     assert!(why.contains("would leave its floor"), "{why}");
     let recording = wheelwright::recordings::open(&folder.path().join("recording.csv"), &ReadOptions::default()).unwrap();
@@ -345,7 +380,7 @@ fn a_time_limit_and_limits_are_kept_and_said() {
     let limits = Limits { v: Some(0.4), v_dot: Some(1.0), ..Limits::default() };
     let safety = Safety { limits, time: Some(1.5), ..Safety::default() };
     let folder = tempfile::tempdir().unwrap();
-    let ended = drive_into(folder.path(), Fault::None, false, |o| DriveOptions { safety, ..o });
+    let ended = drive_into(folder.path(), Way::Excited, Fault::None, false, |o| DriveOptions { safety, ..o });
     ended.outcome.unwrap().unwrap();
     assert_eq!((ended.rows, ended.stops >= 1), (31, true));
     line("time limit", 0, ended.rows, "the drive ended in order");
@@ -354,7 +389,7 @@ fn a_time_limit_and_limits_are_kept_and_said() {
 #[test]
 fn a_robot_that_cannot_be_told_is_shouted_about() {
     let folder = tempfile::tempdir().unwrap();
-    let ended = drive_into(folder.path(), Fault::StopFails, false, |o| o);
+    let ended = drive_into(folder.path(), Way::Excited, Fault::StopFails, false, |o| o);
     let why = ended.outcome.unwrap().unwrap_err().to_string();
     assert!(why.contains("COULD NOT BE STOPPED") && ended.rows == 81, "{why}");
     line("stop cannot be told", 0, ended.rows, &why);

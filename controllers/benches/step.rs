@@ -20,8 +20,15 @@ fn step(criterion: &mut Criterion) {
     let Ok(controller) = toml::from_str::<AdaptiveConfig>(CONTROLLER) else { return };
     let Ok(model) = VwPdConfig::default().build() else { return };
     let theta = vec![0.2604, 0.2509, -0.0004, 0.9965, 0.0026, 1.0768];
-    let subject =
-        Subject { model: Arc::from(model), theta, intervals: vec![None; 6], own: None, period: 0.02, envelope: Envelope::default() };
+    let subject = Subject {
+        model: Arc::from(model),
+        theta,
+        intervals: vec![None; 6],
+        own: None,
+        period: 0.02,
+        envelope: Envelope::default(),
+        course: Vec::new(),
+    };
     let Ok(mut controller) = controller.build(&subject) else { return };
     let (mut t, mut command) = (0.0, [0.0; 2]);
     criterion.bench_function("adaptive step with trajectory", |b| {

@@ -3,9 +3,10 @@
 use serde::{Deserialize, Serialize};
 use wheelwright_core::controller::{ControlError, Subject};
 
+use crate::balance;
 use crate::law::Law;
 
-/// Adaptation gains: one for all parameters, or one each.
+/// Adaptation gains: one for all parameters, one each, or whatever makes them equally quick.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(untagged)]
 pub enum Gamma {
@@ -13,6 +14,17 @@ pub enum Gamma {
     Same(f64),
     /// One a parameter, in the model's order.
     Each(Vec<f64>),
+    /// By what the trajectory asks of each parameter.
+    Balanced(Balanced),
+}
+
+/// Gains of equal pace.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Balanced {
+    /// Time constant \[s\] with which each parameter's error would fade if it were the only one. Where the velocity loop does not bear
+    /// that, it is longer.
+    pub time: f64,
 }
 
 /// Bounds that a parameter may not leave: exactly one of the ways to give them.
@@ -46,6 +58,8 @@ pub struct Settings {
     pub leak: f64,
     /// Bounds; none without it.
     pub projection: Option<Projection>,
+    /// Standard deviations of the noise on measured v \[m/s\] and ω \[rad/s\], whose drift is taken out of the rates.
+    pub noise: [f64; 2],
 }
 
 /// An adaptation at work.
@@ -57,7 +71,9 @@ pub struct Adaptation {
     nominal: Vec<f64>,
     leak: f64,
     start: f64,
+    noise: [f64; 2],
     rate: Vec<f64>,
+    drift: Vec<f64>,
 }
 
 impl Adaptation {
@@ -65,11 +81,18 @@ impl Adaptation {
     ///
     /// # Errors
     /// [`ControlError::Config`] naming the key.
-    pub fn new(settings: &Settings, subject: &Subject) -> Result<Self, ControlError> {
+    pub fn new(settings: &Settings, law: &Law, subject: &Subject) -> Result<Self, ControlError> {
         let names: Vec<&str> = subject.model.parameters().iter().map(|p| p.name.as_str()).collect();
         let mut gamma = match &settings.gamma {
             Gamma::Same(gamma) => vec![*gamma; names.len()],
             Gamma::Each(gammas) => gammas.clone(),
+            Gamma::Balanced(Balanced { time }) if !(time.is_finite() && *time > 0.0) => {
+                return Err(ControlError::config("gamma.time", format!("must be a positive number of seconds, not {time}")));
+            }
+            Gamma::Balanced(_) if subject.course.is_empty() => {
+                return Err(ControlError::config("gamma.time", "needs a trajectory to know what is asked of each parameter"));
+            }
+            Gamma::Balanced(Balanced { time }) => balance::gains(&mut law.clone(), &subject.theta, &subject.course, *time),
         };
         if gamma.len() != names.len() {
             return Err(ControlError::config(
@@ -94,12 +117,15 @@ impl Adaptation {
                 return Err(ControlError::config(key, format!("must be zero or positive, not {value}")));
             }
         }
+        if let Some(noise) = settings.noise.iter().find(|s| !(s.is_finite() && **s >= 0.0)) {
+            return Err(ControlError::config("noise", format!("must be standard deviations, zero or positive, not {noise}")));
+        }
         let (lower, upper) = match &settings.projection {
             Some(projection) => projection.bounds(subject, &gamma)?,
             None => (vec![f64::NEG_INFINITY; names.len()], vec![f64::INFINITY; names.len()]),
         };
-        let (rate, nominal) = (vec![0.0; names.len()], subject.theta.clone());
-        Ok(Self { gamma, lower, upper, nominal, leak: settings.leak, start: settings.start, rate })
+        let (rate, drift, nominal) = (vec![0.0; names.len()], vec![0.0; names.len()], subject.theta.clone());
+        Ok(Self { gamma, lower, upper, nominal, leak: settings.leak, start: settings.start, noise: settings.noise, rate, drift })
     }
 
     /// Whether parameters are adapted at a time.
@@ -127,18 +153,29 @@ impl Adaptation {
         self.leak
     }
 
-    /// The parameters' rate of change after a law's evaluation. `saturated` holds the command of each equation where limits
+    /// Standard deviations of the noise whose drift is taken out.
+    pub fn noise(&self) -> [f64; 2] {
+        self.noise
+    }
+
+    /// The parameters' rate of change after a law's evaluation. What noise on the measurements adds to it in the mean about the
+    /// velocities `at` is taken out, as far as the noise is known. `saturated` holds the command of each equation where limits
     /// took something from it: there, only what moves the command inwards is adapted (anti-windup), as an error that no
     /// command can remove says nothing of the parameters.
-    pub fn rate(&mut self, law: &Law, theta: &[f64], saturated: Option<&[f64]>) -> &[f64] {
+    pub fn rate(&mut self, law: &mut Law, theta: &[f64], at: [f64; 2], saturated: Option<&[f64]>) -> &[f64] {
         self.rate.fill(0.0);
         let error = law.error();
+        let mut held = false;
         for (equation, error) in error.into_iter().enumerate() {
             // Φ γ Φᵀ ν̃ has the sign of ν̃, so that is which way the command moves.
             let outwards = saturated.is_some_and(|command| command[equation] * error > 0.0);
+            held |= outwards;
             if !outwards {
                 law.gradient(equation, &mut self.rate);
             }
+        }
+        if !held {
+            self.take_out_drift(law, at);
         }
         for (i, rate) in self.rate.iter_mut().enumerate() {
             *rate *= self.gamma[i];
@@ -151,6 +188,15 @@ impl Adaptation {
             }
         }
         &self.rate
+    }
+
+    /// Noise of a measurement meets itself in Φᵀ ν̃, which does not average out.
+    fn take_out_drift(&mut self, law: &mut Law, at: [f64; 2]) {
+        self.drift.fill(0.0);
+        for (axis, noise) in self.noise.into_iter().enumerate().filter(|(_, noise)| *noise > 0.0) {
+            law.noise_gradient(at, axis, noise, &mut self.drift);
+        }
+        self.rate.iter_mut().zip(&self.drift).for_each(|(rate, drift)| *rate -= drift);
     }
 
     /// Moves parameters by the last rate over `dt` \[s\], and back to the bound they passed.

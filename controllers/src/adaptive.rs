@@ -32,7 +32,7 @@ pub struct AdaptiveConfig {
     /// adaptation from winding up meanwhile. Default true.
     #[serde(default = "yes")]
     pub saturation: bool,
-    /// γ, one for all parameters or one each.
+    /// γ, one for all parameters, one each, or `{ time = .. }`, the time constant \[s\] of each.
     pub gamma: Gamma,
     /// Parameters that keep their value, by name.
     #[serde(default)]
@@ -43,6 +43,10 @@ pub struct AdaptiveConfig {
     /// σ-modification: rate at which parameters are pulled back to where they started \[1/s\]. Default 0.
     #[serde(default)]
     pub leak: f64,
+    /// Standard deviations of the noise on measured v \[m/s\] and ω \[rad/s\]. The drift that it gives the parameters is taken out.
+    /// Default none.
+    #[serde(default)]
+    pub noise: [f64; 2],
     /// Bounds of the parameters; none by default.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub projection: Option<Projection>,
@@ -77,8 +81,10 @@ impl AdaptiveConfig {
             start: self.start,
             leak: self.leak,
             projection: self.projection.clone(),
+            noise: self.noise,
         };
-        Ok((law, Adaptation::new(&settings, subject)?))
+        let adaptation = Adaptation::new(&settings, &law, subject)?;
+        Ok((law, adaptation))
     }
 }
 
@@ -136,7 +142,8 @@ impl Controller for Model {
         if let Some(adaptation) = &mut self.adaptation
             && adapting
         {
-            adaptation.rate(&self.law, &self.theta, (share < 1.0).then_some(&*command));
+            let at = [now.reference.v, now.reference.omega];
+            adaptation.rate(&mut self.law, &self.theta, at, (share < 1.0).then_some(&*command));
         }
         self.state = StepState { share, adapting };
     }

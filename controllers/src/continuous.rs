@@ -130,7 +130,7 @@ impl<'a> Continuous<'a> {
         rate[..3].copy_from_slice(&[v * cos, v * sin, omega]);
         self.plant.accelerations(&self.own, &self.command, outputs, &mut rate[3..MOTION])?;
         if self.adaptation.runs(t) {
-            rate[MOTION..].copy_from_slice(self.adaptation.rate(&self.law, theta, None));
+            rate[MOTION..].copy_from_slice(self.adaptation.rate(&mut self.law, theta, [v, omega], None));
         }
         Ok(rate)
     }

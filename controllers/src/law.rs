@@ -188,6 +188,29 @@ impl Law {
         self.error
     }
 
+    /// Φ on a course, row by row.
+    pub(crate) fn demand(&mut self, at: &Reference) -> &[f64] {
+        let (outputs, accelerations) = (self.body.to_outputs([at.v, at.omega]), self.body.to_outputs([at.v_dot, at.omega_dot]));
+        self.rows(&outputs, &accelerations);
+        &self.phi
+    }
+
+    /// Of each output: D K, what an error of it adds to its command, and K \[1/s\], how fast the error fades.
+    pub(crate) fn stiffness(&mut self, theta: &[f64]) -> [(f64, f64); 2] {
+        let [kv, kw] = self.gains.velocity;
+        std::array::from_fn(|i| {
+            let unit: [f64; 2] = std::array::from_fn(|j| f64::from(u8::from(i == j)));
+            let mut row = |accelerations: &[f64; 2]| {
+                self.rows(&[0.0; 2], accelerations);
+                self.phi.chunks_exact(theta.len()).nth(i).map_or(0.0, |row| row.iter().zip(theta).map(|(a, b)| a * b).sum::<f64>())
+            };
+            let inertia = (row(&unit) - row(&[0.0; 2])).abs();
+            let [v, omega] = self.body.to_body(&unit);
+            let bandwidth = self.body.to_outputs([kv * v, kw * omega])[i];
+            (inertia * bandwidth, bandwidth)
+        })
+    }
+
     /// Mean of Φᵀ ν̃ when the body velocities are measured with an error of ± `noise` on one axis about (v, ω), everything else
     /// being on its course: the drift that noise gives the adaptation.                                    (notes to 3.21)
     pub(crate) fn noise_gradient(&mut self, at: [f64; 2], axis: usize, noise: f64, gradient: &mut [f64]) {

@@ -19,6 +19,7 @@
 
 pub mod adaptation;
 mod adaptive;
+mod balance;
 pub mod body;
 pub mod continuous;
 mod inverse_dynamics;

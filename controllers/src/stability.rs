@@ -184,7 +184,8 @@ impl Loop<'_> {
         })
     }
 
-    /// Rate of change that measurement noise gives each parameter \[unit/s\], the mean over the trajectory.
+    /// Rate of change that measurement noise gives each parameter \[unit/s\], the mean over the trajectory, less what the adaptation
+    /// takes out of it.
     pub(crate) fn drift(&self, adaptation: &Adaptation, trajectory: &dyn Trajectory, duration: f64, noise: [f64; 2]) -> Vec<f64> {
         const LOOKS: usize = 64;
         let (own, believed, gains) = (self.own(), self.axes(self.theta), self.law.gains().rates());
@@ -194,7 +195,8 @@ impl Loop<'_> {
             let at = trajectory.at(duration * (k as f64 + 0.5) / LOOKS as f64);
             for (axis, own) in own.iter().enumerate() {
                 let fed = own.noise_gain(&believed[axis], gains[axis], self.subject.period);
-                law.noise_gradient([at.v, at.omega], axis, noise[axis] * (1.0 + fed).sqrt(), &mut drift);
+                let left = noise[axis].powi(2) * (1.0 + fed) - adaptation.noise()[axis].powi(2);
+                law.noise_gradient([at.v, at.omega], axis, left.max(0.0).sqrt(), &mut drift);
             }
         }
         drift.iter().zip(adaptation.gamma()).map(|(sum, gamma)| gamma * sum / LOOKS as f64).collect()
@@ -215,8 +217,8 @@ impl Loop<'_> {
             worth_saying.then(|| {
                 let name = &self.law.model().parameters()[i].name;
                 let message = format!(
-                    "measurement noise carries `{name}` from {:.4} to about {reached:.4} within {time:.0} s of adaptation: lower gamma, give a \
-                     projection or a leak",
+                    "measurement noise carries `{name}` from {:.4} to about {reached:.4} within {time:.0} s of adaptation: give the noise \
+                     to the controller, lower gamma, or give a projection or a leak",
                     self.theta[i]
                 );
                 Concern::new(Gravity::Warning, message)

@@ -47,7 +47,7 @@ fn a_step_allocates_nothing() {
     let projection = Some(Projection { relative: Some(0.5), ..Projection::default() });
     let (k, sigma) = ([1.0, 30.0, 2.0], Sigma::Exact);
     let controllers: [Box<dyn ControllerConfig>; 3] = [
-        Box::new(AdaptiveConfig { saturation: true, projection, leak: 0.02, ..adaptive(k, [2.0; 2], sigma, 1.0) }),
+        Box::new(AdaptiveConfig { saturation: true, projection, noise: [0.002, 0.05], leak: 0.02, ..adaptive(k, [2.0; 2], sigma, 1.0) }),
         Box::new(InverseDynamicsConfig { k, kv: 2.0, kw: 2.0, sigma, saturation: true }),
         Box::new(KinematicConfig { k, saturation: true }),
     ];

@@ -99,7 +99,7 @@ fn a_model_from_voltages_is_inverted_too() {
     let model = Arc::from(WheelVoltageConfig { static_friction: false, symmetric: false }.build().unwrap());
     let envelope = Envelope { track_width: Some(0.6), ..Envelope::default() };
     let theta = vec![2.5, 0.4, 2.6, 0.5];
-    let subject = Subject { model, theta: theta.clone(), intervals: vec![None; 4], own: None, period: 0.02, envelope };
+    let subject = Subject { model, theta: theta.clone(), intervals: vec![None; 4], own: None, period: 0.02, envelope, course: Vec::new() };
     let config = config::tagged::<Box<dyn ControllerConfig>>(table("inverse-dynamics", "k = [1, 2, 2]\nkv = 2\nkw = 2")).unwrap();
     let trajectory =
         config::tagged::<Box<dyn TrajectoryConfig>>(table("circle", "radius = 1\nspeed = 0.5")).unwrap().build(&envelope).unwrap();

@@ -5,7 +5,7 @@
 #[path = "../examples/orderings/experiments.rs"]
 mod experiments;
 
-use experiments::{Bench, KHEPERA_BENCH, PIONEER_BENCH, Trial, box_around, ones};
+use experiments::{BALANCED, Bench, KHEPERA_BENCH, PIONEER_BENCH, Trial, box_around, ones};
 
 const SEEDS: u64 = 10;
 
@@ -82,21 +82,23 @@ fn payload_hurts_and_is_recovered_from() {
     }
 }
 
-/// A payload put on while driving: adaptation wins back nine tenths of what it cost against a controller that was identified with it,
-/// and on the Pioneer, whose long period costs a fixed controller more than the payload does, it is better than that one.
+/// A payload put on while driving: with gains balanced by what the trajectory asks of each parameter, and the drift by noise taken out,
+/// adaptation comes within a fifth of a controller that was identified with the payload, on both robots with the same setting. With one
+/// gamma for all and the noise left in, on the Khepera it does not.
 #[test]
 fn adaptation_recovers_from_a_payload_put_on() {
     for (bench, payload) in [(KHEPERA_BENCH, [4.5, 5.0]), (PIONEER_BENCH, [2.0, 1.8])] {
         let theta = bench.theta(Some(payload)).unwrap();
         for seed in 0..SEEDS {
-            let laden = Trial { payload: Some(payload), ..Trial::default() };
-            let (_, native) = errors(bench, &Trial { theta: theta.clone(), ..laden.clone() }, seed);
-            let step = Trial { loaded_at: Some(30.0), ..laden };
+            let (_, native) = errors(bench, &Trial { theta: theta.clone(), payload: Some(payload), ..Trial::default() }, seed);
+            let step = Trial { payload: Some(payload), loaded_at: Some(30.0), ..Trial::default() };
             let (_, without) = errors(bench, &step, seed);
-            let (_, adapted) = errors(bench, &Trial { adapt: Some(30.0), ..step }, seed);
-            let recovered = (without - adapted) / (without - native);
-            assert!(recovered > 0.88, "{} seed {seed}: {native} {without} {adapted}", bench.name);
-            assert!(bench.name == "Khepera" || adapted < native, "{} seed {seed}: {native} {adapted}", bench.name);
+            let adapting = Trial { adapt: Some(30.0), ..step };
+            let (_, uniform) = errors(bench, &adapting, seed);
+            let (_, balanced) = errors(bench, &Trial { balanced: Some(BALANCED), noise: bench.noise, ..adapting }, seed);
+            let what = format!("{} seed {seed}: {native} {without} {uniform} {balanced}", bench.name);
+            assert!(without > 3.0 * native && balanced < 1.2 * native && balanced < uniform, "{what}");
+            assert!(bench.name == "Pioneer" || uniform > 3.0 * native, "{what}");
         }
     }
 }

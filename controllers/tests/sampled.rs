@@ -80,17 +80,21 @@ fn noise_drifts_the_parameters_as_predicted() {
     let wheel = 0.003;
     let noise = [wheel / 2f64.sqrt(), wheel * 2f64.sqrt() / 0.089];
     let config = adaptive([1.0, 30.0, 2.0], [2.0; 2], Sigma::Exact, gamma);
-    let slopes = |noise: [f64; 2], seed: u64| -> Vec<f64> {
+    let slopes = |config: &AdaptiveConfig, noise: [f64; 2], seed: u64| -> Vec<f64> {
         let mut controller = config.build(&subject).unwrap();
         let log = Sampled { subject: &subject, own: &KHEPERA, noise, seed, ahead: 0.0 }.track(&mut *controller, &*eight, duration);
         log.theta.iter().map(|series| (series[series.len() - 1] - series[0]) / (gamma * duration)).collect()
     };
     // What sampling alone does is taken off.
-    let (seeds, still) = (8, slopes([0.0; 2], 0));
-    let mut slope = [0.0; 6];
-    for seed in 0..seeds {
-        slope.iter_mut().zip(slopes(noise, seed)).zip(&still).for_each(|((sum, s), still)| *sum += (s - still) / seeds as f64);
-    }
+    let (seeds, still) = (8, slopes(&config, [0.0; 2], 0));
+    let mean = |config: &AdaptiveConfig| {
+        let mut slope = [0.0; 6];
+        for seed in 0..seeds {
+            slope.iter_mut().zip(slopes(config, noise, seed)).zip(&still).for_each(|((sum, s), still)| *sum += (s - still) / seeds as f64);
+        }
+        slope
+    };
+    let slope = mean(&config);
     let [v, omega] = axes(&subject, &KHEPERA);
     let variance = |axis: Axis, sigma: f64, gain: f64| sigma * sigma * (1.0 + axis.noise_gain(&axis, gain, period));
     let expected = [(0, 3.0 * variance(v, noise[0], 3.0), 0.2), (1, 4.0 * variance(omega, noise[1], 4.0), 0.1)];
@@ -98,6 +102,10 @@ fn noise_drifts_the_parameters_as_predicted() {
         assert!((slope[i] / expected - 1.0).abs() < tolerance, "theta{}: {} {expected}", i + 1, slope[i]);
     }
     assert!(slope[5] < 0.0 && slope[3] < 0.0, "{slope:?}");
+    // Noise that the controller is told of leaves only what the loop feeds back.
+    let told = mean(&AdaptiveConfig { noise, ..config });
+    let direct = 4.0 * noise[1].powi(2);
+    assert!(((slope[1] - told[1]) / direct - 1.0).abs() < 0.02 && told[1] < 0.2 * slope[1], "{told:?} {slope:?} {direct}");
 }
 
 #[test]

@@ -125,6 +125,10 @@ pub struct Subject {
     pub period: f64,
     /// Limits and dimensions.
     pub envelope: Envelope,
+    /// The motion it is to be led through, at instants of equal distance ([`course`]); empty if that is not known yet.
+    ///
+    /// [`course`]: crate::trajectory::course
+    pub course: Vec<Reference>,
 }
 
 /// Plain data from which a controller is built; `type = "NAME"` in a configuration picks it.

@@ -3,11 +3,12 @@
 //! Row k of what comes out holds the measurement at t_k, the command held from t_k on, and beside them the desired motion
 //! and the controller's parameters at that time.
 
+use std::cell::Cell;
 use std::ops::ControlFlow;
 
 use crate::channel::{self, Channel};
 use crate::controller::{Controller, Observation};
-use crate::drive::{DriveError, DriveFault, DriveOptions, steer};
+use crate::drive::{DriveError, DriveFault, DriveOptions, DriveProgress, RowSink, steer};
 use crate::recording::{Column, Recording, RecordingError};
 use crate::robot::Live;
 use crate::trajectory::{Reference, Trajectory};
@@ -229,7 +230,7 @@ impl Tracked {
 type Pick = (&'static str, &'static str, fn(&Reference) -> f64);
 
 /// Has a robot follow a trajectory for `duration` \[s\], and stops it. It is stopped early when it is `off_course` \[m\] from
-/// where it should be.
+/// where it should be. The observer is told the distance.
 ///
 /// # Errors
 /// [`TrackError`] if the robot lacks a channel; whatever happens while it moves is in [`Tracked::outcome`].
@@ -242,7 +243,17 @@ pub fn track(
     options: DriveOptions<'_>,
 ) -> Result<Tracked, TrackError> {
     let mut tracker = Tracker::new(controller, trajectory, robot.inputs(), robot.outputs(), off_course)?;
-    let outcome = steer(robot, duration, &mut |t, measured, command| tracker.law(t, measured, command), options);
+    let distance = Cell::new(0.0);
+    let mut law = |t: f64, measured: &[f64], command: &mut [f64]| {
+        let going = tracker.law(t, measured, command);
+        distance.set(tracker.distance());
+        going
+    };
+    let DriveOptions { duration: _, safety, stop, dead_man, mut sinks, observer } = options;
+    let mut told = observer.map(|tell| |p: &DriveProgress<'_>| tell(&DriveProgress { distance: Some(distance.get()), ..*p }));
+    let observer = told.as_mut().map(|tell| tell as &mut dyn FnMut(&DriveProgress<'_>));
+    let sinks = sinks.iter_mut().map(|sink| &mut **sink as &mut dyn RowSink).collect();
+    let outcome = steer(robot, duration, &mut law, DriveOptions { duration: None, safety, stop, dead_man, sinks, observer });
     Ok(Tracked { log: tracker.into_log(), outcome })
 }
 

@@ -74,15 +74,20 @@ impl Envelope {
 /// Names of the five shares of [`Envelope::shares`].
 pub const SHARES: [&str; 5] = ["forward speed", "angular speed", "wheel speed", "forward acceleration", "angular acceleration"];
 
-/// Instants at which a trajectory is looked at to find its extremes.
+/// Intervals between the instants at which a trajectory is looked at.
 const LOOKS: usize = 4000;
 
 /// The largest of each share of an envelope that a trajectory takes within `duration` \[s\].
 pub fn peaks(trajectory: &dyn Trajectory, duration: f64, envelope: &Envelope) -> [f64; 5] {
-    (0..=LOOKS).map(|i| envelope.shares(&trajectory.at(duration * i as f64 / LOOKS as f64))).fold([0.0; 5], |mut most, shares| {
+    course(trajectory, duration).iter().map(|at| envelope.shares(at)).fold([0.0; 5], |mut most, shares| {
         most.iter_mut().zip(shares).for_each(|(most, share)| *most = share.max(*most));
         most
     })
+}
+
+/// The motion that a trajectory asks for within `duration` \[s\], at instants of equal distance.
+pub fn course(trajectory: &dyn Trajectory, duration: f64) -> Vec<Reference> {
+    (0..=LOOKS).map(|i| trajectory.at(duration * i as f64 / LOOKS as f64)).collect()
 }
 
 /// The factor ≤ 1 on time's pace that brings a trajectory within `fill` of every limit: speeds go with it, accelerations

@@ -10,8 +10,8 @@ use wheelwright_core::model::RegressorModel;
 use wheelwright_core::profile::RobotProfile;
 
 use super::Shared;
+use super::attend::safety;
 use super::console::Console;
-use super::drive::safety;
 use super::setup::{ReadArguments, Setup, StudyArguments};
 use crate::design::{Design, DesignSection, Task};
 use crate::error::Error;

@@ -1,5 +1,5 @@
-//! What is shown while a robot drives: speeds asked and measured, time left, what limits hold back, and how much of the space of
-//! commands has been visited.
+//! What is shown while a robot drives: speeds asked and measured, time left, what limits hold back, how far it is from where it should
+//! be, and how much of the space of commands has been visited.
 
 use std::fmt::Write as _;
 use std::io::Write as _;
@@ -12,6 +12,7 @@ use wheelwright_core::drive::DriveProgress;
 use wheelwright_core::excitation::Excitation;
 
 use super::console::Console;
+use crate::report::track::metres;
 
 /// Cells of the picture of commands, across and up.
 const CELLS: (usize, usize) = (24, 8);
@@ -134,20 +135,30 @@ pub(super) struct View {
     painter: Option<Painter>,
     inputs: Vec<Channel>,
     outputs: Vec<Channel>,
-    pub(super) coverage: Coverage,
+    coverage: Option<Coverage>,
+    /// Largest distance from where the robot should have been \[m\].
+    farthest: f64,
     held: bool,
     drawn: Option<Instant>,
 }
 
 impl View {
-    pub(super) fn new(console: &Console, inputs: &[Channel], outputs: &[Channel], coverage: Coverage, held: bool) -> Self {
+    pub(super) fn new(console: &Console, inputs: &[Channel], outputs: &[Channel], coverage: Option<Coverage>, held: bool) -> Self {
         let painter = console.is_live().then(Painter::start);
-        Self { painter, inputs: inputs.to_vec(), outputs: outputs.to_vec(), coverage, held, drawn: None }
+        Self { painter, inputs: inputs.to_vec(), outputs: outputs.to_vec(), coverage, farthest: 0.0, held, drawn: None }
+    }
+
+    /// Share of the planned commands that were visited, if any were planned.
+    pub(super) fn visited(&self) -> Option<f64> {
+        self.coverage.as_ref().map(Coverage::share)
     }
 
     /// Takes a row and, now and then, shows it.
     pub(super) fn update(&mut self, progress: &DriveProgress<'_>) {
-        self.coverage.visit(progress.command);
+        if let Some(coverage) = &mut self.coverage {
+            coverage.visit(progress.command);
+        }
+        self.farthest = self.farthest.max(progress.distance.unwrap_or(0.0));
         let Some(painter) = self.painter.as_ref().filter(|_| self.drawn.is_none_or(|drawn| drawn.elapsed() >= REFRESH)) else { return };
         painter.show(self.text(progress));
         self.drawn = Some(Instant::now());
@@ -168,9 +179,14 @@ impl View {
         }
         let held_back = progress.bites.iter().map(|b| format!("{} ({})", b.limit, b.commands)).collect::<Vec<_>>().join(", ");
         let _ = write!(text, "\n  held back: {}", if held_back.is_empty() { "nothing" } else { &held_back });
-        let names = self.inputs.iter().take(2).map(|c| c.name.as_ref()).collect::<Vec<_>>().join(" across, ");
-        let _ = write!(text, "\n  commands visited: {:.0} % of the plan ({names} up)", 100.0 * self.coverage.share());
-        self.coverage.picture(&mut text);
+        if let Some(distance) = progress.distance {
+            let _ = write!(text, "\n  distance error: {} now, {} at most", metres(distance), metres(self.farthest));
+        }
+        if let Some(coverage) = &self.coverage {
+            let names = self.inputs.iter().take(2).map(|c| c.name.as_ref()).collect::<Vec<_>>().join(" across, ");
+            let _ = write!(text, "\n  commands visited: {:.0} % of the plan ({names} up)", 100.0 * coverage.share());
+            coverage.picture(&mut text);
+        }
         text
     }
 }
@@ -178,7 +194,7 @@ impl View {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use wheelwright_core::channel::{OMEGA_REF, V_REF};
+    use wheelwright_core::channel::{OMEGA_REF, V, V_REF};
     use wheelwright_core::excitation::thesis::ThesisPioneer;
 
     #[test]
@@ -196,6 +212,25 @@ mod tests {
         }
         assert!(half > 0.1 && half < 0.95, "{half}");
         assert_eq!(coverage.share(), 1.0);
+    }
+
+    #[test]
+    fn a_robot_on_a_trajectory_shows_how_far_it_is_off() {
+        let mut view = View::new(&Console::new(false, true), &[V_REF], &[V], None, false);
+        let at = |t: f64, distance: f64| DriveProgress {
+            t,
+            duration: 20.0,
+            command: &[0.3],
+            measured: &[0.29],
+            bites: &[],
+            distance: Some(distance),
+        };
+        view.update(&at(4.0, 0.0482));
+        view.update(&at(5.0, 0.0123));
+        let text = view.text(&at(5.0, 0.0123));
+        assert!(text.contains("distance error: 12.3 mm now, 48.2 mm at most"), "{text}");
+        assert!(text.contains("15.0 s left, ctrl-C stops") && text.contains("measured    0.2900"), "{text}");
+        assert_eq!(view.visited(), None);
     }
 
     #[test]

@@ -6,17 +6,17 @@ use clap::Args;
 use serde_json::{Value as Json, json};
 use toml::{Table, Value};
 use wheelwright_core::controller::Subject;
-use wheelwright_core::drive::{DriveOptions, Safety};
 use wheelwright_core::identification::Identification;
 use wheelwright_core::robot::Live;
 
 use super::Shared;
+use super::attend::{AttendArguments, Attendant};
 use super::console::Console;
-use super::halt::{self, Halt};
+use super::drive::Drive;
 use super::page::command_line;
 use super::setup::{Setup, profile};
-use super::track::{bounds, progress};
-use crate::control::migration::{self, ALL_ONES, Case, MIGRATED, Migration, UNMIGRATED, error_of, informed, learn, tuning, verdict};
+use super::track::{attended, bounds};
+use crate::control::migration::{self, ALL_ONES, Case, MIGRATED, Migration, UNMIGRATED, error_of, informed, learned, tuning, verdict};
 use crate::control::plan::{envelope, knowledge, trajectory};
 use crate::control::run::Outcome;
 use crate::control::{Knowledge, TrackRun, files};
@@ -36,6 +36,8 @@ pub(super) struct Arguments {
     /// Profile of the target: its dimensions and limits
     #[arg(long, value_name = "robot.toml")]
     robot: Option<PathBuf>,
+    #[command(flatten)]
+    attend: AttendArguments,
 }
 
 pub(super) fn run(arguments: &Arguments, shared: &Shared, console: &Console) -> Result<(), Error> {
@@ -54,10 +56,10 @@ pub(super) fn run(arguments: &Arguments, shared: &Shared, console: &Console) -> 
     let source = Subject { period: from.period, ..known.subject(source_theta, None, envelope(&safety)) };
     let tuned = tuning(from.controller.clone()).map_err(|e| setup.config.error_in("source.controller", e))?;
     let (trajectory, _) = trajectory(&setup.config, &setup.registry)?;
-    let _halt = Halt::watch()?;
-    let target = Target { setup: &setup, robot, known: &target, safety, console };
-    let seed = setup.seed(shared);
-    let (subject, found) = target.subject(seed)?;
+    let attendant = Attendant::new(&setup, &arguments.attend, safety, console)?;
+    let folder = setup.folder(shared)?;
+    let target = Target { setup: &setup, attendant, robot, known: &target, folder: folder.as_ref(), seed: setup.seed(shared) };
+    let (subject, found) = target.subject()?;
     let task = Migration {
         tuning: tuned,
         source: &source,
@@ -68,110 +70,110 @@ pub(super) fn run(arguments: &Arguments, shared: &Shared, console: &Console) -> 
         adaptation: sections.migrate.adaptation.as_ref(),
     };
     task.gains()?;
-    let native = target.native(seed, &subject)?;
-    let cases = task.run(native.as_deref(), sections.migrate.compare, &mut |run| target.drive(run, seed))?;
-    conclude(&setup, &task, &cases, found.as_ref(), target.known, shared, console)
+    let native = target.native(&subject)?;
+    let cases = task.run(native.as_deref(), sections.migrate.compare, &mut |name, run| target.drive(name, run))?;
+    let document = document(&task, &cases, found.as_ref())?;
+    tell(&cases, &document, console);
+    let written = folder.as_ref().map(|folder| write(folder, &task, &cases, found.as_ref(), target.known, &document)).transpose();
+    // What ended a run comes before what may have gone wrong in telling of it.
+    conclude(cases, folder.as_ref())?;
+    if let Some(page) = written?.filter(|_| shared.open) {
+        super::browser::open(&page, console);
+    }
+    Ok(())
 }
 
 /// The target robot.
 struct Target<'a> {
     setup: &'a Setup,
+    attendant: Attendant<'a>,
     robot: Table,
     known: &'a Knowledge,
-    safety: Safety,
-    console: &'a Console,
+    folder: Option<&'a Folder>,
+    seed: u64,
 }
 
 impl Target<'_> {
-    fn connect(&self, seed: u64) -> Result<Live, Error> {
-        self.setup.connect(self.robot.clone(), seed)
-    }
-
     /// What is known of the target: given, or identified now.
-    fn subject(&self, seed: u64) -> Result<(Subject, Option<Identification>), Error> {
-        let mut robot = self.connect(seed)?;
+    fn subject(&self) -> Result<(Subject, Option<Identification>), Error> {
+        let mut connected = self.attendant.connect(&self.robot, self.seed)?;
         let given = self.known.theta.clone().unwrap_or_default();
-        let blank = Subject { period: robot.period(), ..self.known.subject(given, None, envelope(&self.safety)) };
+        let envelope = envelope(&self.attendant.safety);
+        let blank = Subject { period: connected.robot.period(), ..self.known.subject(given, None, envelope) };
         if self.known.theta.is_some() && !self.setup.config.sections.migrate.identify {
             return Ok((blank, None));
         }
-        let found = self.learn(&mut robot, &blank)?;
+        let found = self.learn(&mut connected.robot, "identification", &blank)?;
         Ok((informed(&blank, &found), Some(found)))
     }
 
-    fn learn(&self, robot: &mut Live, blank: &Subject) -> Result<Identification, Error> {
+    fn learn(&self, robot: &mut Live, name: &str, blank: &Subject) -> Result<Identification, Error> {
         let excitation = self.setup.excitation()?;
         let table = super::setup::chosen(self.setup.config.sections.solver.as_ref(), None, super::setup::SOLVER);
         let solver = self.setup.registry.solver(table).map_err(|e| self.setup.config.error_in("solver", e))?;
-        let mut show = progress(self.console);
-        let options = DriveOptions { safety: self.safety, stop: Some(&halt::STOP), observer: Some(&mut show), ..DriveOptions::default() };
-        let found = learn(robot, &*excitation, blank, &*solver, options);
-        self.console.end_progress();
-        found
+        let folder = self.folder_of(name)?.map(|folder| folder.path(""));
+        let drive = Drive { attendant: &self.attendant, excitation: &*excitation, folder: folder.as_deref(), part: None };
+        learned(&drive.run(robot)?.recording, blank, &*solver)
     }
 
     /// Parameters to compare with: given, or a second identification where that costs nothing but time.
-    fn native(&self, seed: u64, subject: &Subject) -> Result<Option<Vec<f64>>, Error> {
+    fn native(&self, subject: &Subject) -> Result<Option<Vec<f64>>, Error> {
         let section = &self.setup.config.sections.migrate;
         if section.native_theta.is_some() || !section.compare || self.setup.config.sections.excitation.is_none() {
             return Ok(section.native_theta.clone());
         }
-        let mut robot = self.connect(seed.wrapping_add(OTHER_NOISE))?;
-        if robot.real_time() {
+        let mut connected = self.attendant.connect(&self.robot, self.seed.wrapping_add(OTHER_NOISE))?;
+        if connected.robot.real_time() {
             return Ok(None);
         }
-        Ok(Some(self.learn(&mut robot, subject)?.solution.theta))
+        Ok(Some(self.learn(&mut connected.robot, "native identification", subject)?.solution.theta))
     }
 
-    fn drive(&self, run: &TrackRun<'_>, seed: u64) -> Result<Outcome, Error> {
-        let mut robot = self.connect(seed)?;
+    fn drive(&self, name: &str, run: &TrackRun<'_>) -> Result<Outcome, Error> {
+        let mut connected = self.attendant.connect(&self.robot, self.seed)?;
         // A simulated robot may show how bad it is; a real one is not driven into danger.
         let mut section = run.section.clone();
-        section.force |= !robot.real_time();
-        let mut show = progress(self.console);
-        let options = DriveOptions { safety: self.safety, stop: Some(&halt::STOP), observer: Some(&mut show), ..DriveOptions::default() };
-        let outcome = TrackRun { section: &section, ..*run }.drive(&mut robot, options);
-        self.console.end_progress();
-        match halt::asked() {
-            true => Err(Error::Usage("interrupted: the robot was stopped".to_owned())),
-            false => outcome,
-        }
+        section.force |= !connected.robot.real_time();
+        let run = TrackRun { section: &section, ..*run };
+        Ok(attended(&self.attendant, &mut connected.robot, &run, self.folder_of(name)?.as_ref())?.0)
+    }
+
+    /// The folder of one run's recording.
+    fn folder_of(&self, name: &str) -> Result<Option<Folder>, Error> {
+        self.folder.map(|folder| Folder::create(&folder.path(&folder_name(name)))).transpose()
     }
 }
 
-fn conclude(
-    setup: &Setup,
-    task: &Migration<'_>,
-    cases: &[Case],
-    found: Option<&Identification>,
-    known: &Knowledge,
-    shared: &Shared,
-    console: &Console,
-) -> Result<(), Error> {
-    let document = document(task, cases, found)?;
-    if let Some(folder) = setup.folder(shared)? {
-        write(&folder, task, cases, found, known, &document, shared, console)?;
-    }
+/// A run's name as that of its folder: what comes before a colon, in words joined by hyphens.
+fn folder_name(name: &str) -> String {
+    let words = name.split(':').next().unwrap_or_default().split(|c: char| !c.is_alphanumeric());
+    words.filter(|word| !word.is_empty()).collect::<Vec<_>>().join("-")
+}
+
+fn tell(cases: &[Case], document: &Json, console: &Console) {
     for case in cases {
         match &case.outcome {
             Ok(outcome) => outcome.concerns.iter().for_each(|c| console.note(&format!("{}: foreseen: {}", case.name, c.message))),
             Err(error) => console.note(&format!("{}: {error}", case.name)),
         }
     }
-    console.document(&document);
+    console.document(document);
     console.result(&summary(cases));
-    let migrated = cases.iter().find(|c| c.name == MIGRATED).map(|c| &c.outcome);
-    match migrated {
-        Some(Ok(Outcome { ended: Some(error), .. })) => Err(Error::Drive { error: Box::new(error.clone()), kept: None }),
-        Some(Err(Error::Danger(concerns))) => Err(Error::Danger(concerns.clone())),
-        _ => Ok(()),
-    }
+}
+
+/// The migration failed if somebody or something ended it, or if the migrated controller did not bring its run to an end.
+fn conclude(cases: Vec<Case>, folder: Option<&Folder>) -> Result<(), Error> {
+    let decisive = cases.iter().position(Case::is_last).or_else(|| cases.iter().position(|c| c.name == MIGRATED));
+    let Some(case) = decisive.and_then(|i| cases.into_iter().nth(i)) else { return Ok(()) };
+    let ended = case.outcome?.ended;
+    let kept = folder.map(|folder| folder.path(&folder_name(case.name)));
+    ended.map_or(Ok(()), |error| Err(Error::Drive { error: Box::new(error), kept }))
 }
 
 fn document(task: &Migration<'_>, cases: &[Case], found: Option<&Identification>) -> Result<Json, Error> {
     let (tuning, margins) = task.gains()?;
     let run = |case: &Case| {
-        let mut run = json!({ "name": case.name, "theta": case.theta, "gains": case.tuning });
+        let mut run = json!({ "name": case.name, "folder": folder_name(case.name), "theta": case.theta, "gains": case.tuning });
         match &case.outcome {
             Ok(outcome) => run["result"] = outcome.facts(),
             Err(error) => run["refused"] = json!(error.to_string()),
@@ -197,7 +199,7 @@ fn document(task: &Migration<'_>, cases: &[Case], found: Option<&Identification>
     }))
 }
 
-#[allow(clippy::too_many_arguments, reason = "it lays out everything there is")]
+/// Writes everything there is; the path of the page.
 fn write(
     folder: &Folder,
     task: &Migration<'_>,
@@ -205,9 +207,7 @@ fn write(
     found: Option<&Identification>,
     known: &Knowledge,
     document: &Json,
-    shared: &Shared,
-    console: &Console,
-) -> Result<(), Error> {
+) -> Result<PathBuf, Error> {
     folder.write("result.json", &format!("{document:#}\n"))?;
     if let Some(found) = found {
         folder.write("model.toml", &ModelFile::new(&known.table, known.profile.clone(), found).to_toml())?;
@@ -232,11 +232,7 @@ fn write(
         facts: &[],
         text: &text,
     };
-    let path = folder.write("report.html", &page.html())?;
-    if shared.open {
-        super::browser::open(&path, console);
-    }
-    Ok(())
+    folder.write("report.html", &page.html())
 }
 
 fn statement(cases: &[Case]) -> Option<String> {

@@ -1,5 +1,6 @@
 //! The command line: one file a command, the options they share, and what they print.
 
+mod attend;
 mod browser;
 mod console;
 mod design;

@@ -7,8 +7,9 @@ use clap::Args;
 use serde_json::json;
 
 use super::Shared;
+use super::attend::{AttendArguments, Attendant, safety};
 use super::console::Console;
-use super::drive::{Drive, Driven, folder, hold, safety};
+use super::drive::{Drive, Driven};
 use super::setup::{Setup, profile};
 use crate::error::Error;
 use crate::output::Folder;
@@ -22,12 +23,8 @@ pub(super) struct Arguments {
     /// Profile of the robot, whose limits hold
     #[arg(long, value_name = "robot.toml")]
     robot: Option<PathBuf>,
-    /// Drive only while a key is held
-    #[arg(long)]
-    dead_man: bool,
-    /// Seconds to step back before the robot moves [default: 3 on a real robot]
-    #[arg(long, value_name = "SECONDS")]
-    countdown: Option<f64>,
+    #[command(flatten)]
+    attend: AttendArguments,
 }
 
 pub(super) fn run(arguments: &Arguments, shared: &Shared, console: &Console) -> Result<(), Error> {
@@ -36,21 +33,11 @@ pub(super) fn run(arguments: &Arguments, shared: &Shared, console: &Console) -> 
     let robot = robot.ok_or_else(|| Error::setting("robot", "is missing: [robot] says what to drive, as in type = \"simulator\""))?;
     let profile = arguments.robot.as_deref().map(profile).transpose()?;
     let excitation = setup.excitation()?;
-    let folder = folder(&setup, shared, Some(Path::new(".")))?;
-    let hold = hold(&setup, arguments.dead_man)?;
-    let drive = Drive {
-        setup: &setup,
-        robot,
-        excitation: &*excitation,
-        safety: safety(&setup, profile.as_ref())?,
-        folder: folder.as_deref(),
-        seed: setup.seed(shared),
-        part: None,
-        countdown: arguments.countdown.or(setup.config.sections.record.countdown),
-        hold: hold.as_ref(),
-    };
-    let driven = drive.run(console)?;
-    report(&driven, folder.as_deref().unwrap_or(Path::new(".")), console)
+    let folder = setup.folder(shared)?.map_or_else(|| PathBuf::from("."), |folder| folder.path(""));
+    let attendant = Attendant::new(&setup, &arguments.attend, safety(&setup, profile.as_ref())?, console)?;
+    let drive = Drive { attendant: &attendant, excitation: &*excitation, folder: Some(&folder), part: None };
+    let driven = drive.run(&mut attendant.connect(&robot, setup.seed(shared))?.robot)?;
+    report(&driven, &folder, console)
 }
 
 /// Says what was recorded, and where it lies.

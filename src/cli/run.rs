@@ -7,8 +7,9 @@ use toml::Table;
 use wheelwright_core::identifiability;
 
 use super::Shared;
+use super::attend::{AttendArguments, Attendant, safety};
 use super::console::Console;
-use super::drive::{Drive, Driven, folder, hold, safety};
+use super::drive::{Drive, Driven};
 use super::identify::conclude;
 use super::setup::{ReadArguments, Setup, StudyArguments};
 use crate::autonomous::{Missing, WantedSection, fixed};
@@ -28,9 +29,8 @@ pub(super) struct Arguments {
     /// Excite and identify in turn, unattended, until the intervals are as narrow as [autonomous] wants
     #[arg(long)]
     autonomous: bool,
-    /// Drive only while a key is held
-    #[arg(long)]
-    dead_man: bool,
+    #[command(flatten)]
+    attend: AttendArguments,
     #[command(flatten)]
     study: StudyArguments,
 }
@@ -43,7 +43,7 @@ pub(super) fn run(arguments: &Arguments, shared: &Shared, console: &Console) -> 
     match (setup.config.sections.robot.clone(), setup.recording_paths()) {
         (Some(robot), paths) if paths.is_empty() && arguments.autonomous => run.autonomous(robot),
         (Some(robot), paths) if paths.is_empty() => {
-            let driven = run.drive(&robot, study.seed, None)?;
+            let driven = run.drive(&run.attendant()?, &robot, study.seed, None)?;
             run.conclude(&[run.source(driven)?])
         }
         (None, paths) if !paths.is_empty() && !arguments.autonomous => run.conclude(&study.open(&paths)?),
@@ -70,23 +70,17 @@ struct Run<'a> {
 }
 
 impl Run<'_> {
+    /// What watches over the robot.
+    fn attendant(&self) -> Result<Attendant<'_>, Error> {
+        Attendant::new(self.setup, &self.arguments.attend, safety(self.setup, self.study.robot.as_ref())?, self.console)
+    }
+
     /// Drives the configured robot with the configured excitation, or a part of it, and keeps what it measured.
-    fn drive(&self, robot: &Table, seed: u64, part: Option<(f64, f64)>) -> Result<Driven, Error> {
-        let hold = hold(self.setup, self.arguments.dead_man)?;
-        let place = folder(self.setup, self.shared, None)?;
+    fn drive(&self, attendant: &Attendant<'_>, robot: &Table, seed: u64, part: Option<(f64, f64)>) -> Result<Driven, Error> {
+        let place = self.folder.map(|folder| folder.path(""));
         let excitation = self.setup.excitation()?;
-        let drive = Drive {
-            setup: self.setup,
-            robot: robot.clone(),
-            excitation: &*excitation,
-            safety: safety(self.setup, self.study.robot.as_ref())?,
-            folder: place.as_deref(),
-            seed,
-            part,
-            countdown: self.setup.config.sections.record.countdown,
-            hold: hold.as_ref(),
-        };
-        drive.run(self.console)
+        let drive = Drive { attendant, excitation: &*excitation, folder: place.as_deref(), part };
+        drive.run(&mut attendant.connect(robot, seed)?.robot)
     }
 
     fn source(&self, driven: Driven) -> Result<Source, Error> {
@@ -111,12 +105,13 @@ impl Run<'_> {
     /// while the computer thinks. Every round is a recording of its own.
     fn autonomous(&self, robot: Table) -> Result<(), Error> {
         let wanted = self.wanted()?;
+        let attendant = self.attendant()?;
         let mut sources = Vec::new();
         let mut driven_s = 0.0;
         loop {
             let length = wanted.round.min(wanted.longest - driven_s);
             let seed = self.study.seed.wrapping_add(sources.len() as u64);
-            sources.push(self.source(self.drive(&robot, seed, Some((driven_s, length)))?)?);
+            sources.push(self.source(self.drive(&attendant, &robot, seed, Some((driven_s, length)))?)?);
             driven_s += length;
             let findings = self.identify(&sources)?;
             let missing = self.missing(&wanted, &findings);

@@ -5,18 +5,18 @@ use std::path::PathBuf;
 use clap::Args;
 use serde_json::json;
 use wheelwright_core::RobotProfile;
-use wheelwright_core::drive::{DriveOptions, DriveProgress, Safety};
+use wheelwright_core::drive::{DriveOptions, Safety};
+use wheelwright_core::robot::Live;
 
 use super::Shared;
+use super::attend::{self, AttendArguments, Attendant};
 use super::console::Console;
-use super::halt::{self, Halt};
 use super::page::command_line;
 use super::setup::{Setup, profile};
 use crate::control::run::Outcome;
-use crate::control::{ControlPlan, files};
+use crate::control::{ControlPlan, TrackRun, files};
 use crate::error::Error;
 use crate::output::Folder;
-use crate::record::RecordingFiles;
 use crate::report::track::{TrackPage, metres};
 
 #[derive(Debug, Args)]
@@ -27,6 +27,8 @@ pub(super) struct Arguments {
     /// Profile of the robot: its dimensions and limits
     #[arg(long, value_name = "robot.toml")]
     robot: Option<PathBuf>,
+    #[command(flatten)]
+    attend: AttendArguments,
 }
 
 pub(super) fn run(arguments: &Arguments, shared: &Shared, console: &Console) -> Result<(), Error> {
@@ -34,45 +36,47 @@ pub(super) fn run(arguments: &Arguments, shared: &Shared, console: &Console) -> 
     let given = arguments.robot.as_deref().map(profile).transpose()?;
     let plan = ControlPlan::read(&setup.config, &setup.registry)?;
     let safety = bounds(&setup, given.as_ref(), plan.knowledge.profile.as_ref())?;
+    let attendant = Attendant::new(&setup, &arguments.attend, safety, console)?;
     let folder = setup.folder(shared)?;
-    let outcome = match setup.config.sections.robot.clone() {
-        None => plan.run(&setup.config, None, None, DriveOptions { safety, ..DriveOptions::default() })?,
+    let (outcome, kept) = match &setup.config.sections.robot {
+        None => (plan.run(&setup.config, None, None, DriveOptions { safety, ..DriveOptions::default() })?, None),
         Some(robot) => {
-            let _halt = Halt::watch()?;
-            let mut robot = setup.connect(robot, setup.seed(shared))?;
-            let mut show = progress(console);
-            // Rows are kept as they come; what is joined with the desired motion is written at the end.
-            let channels = || robot.inputs().iter().chain(robot.outputs());
-            let mut files = folder.as_ref().map(|f| RecordingFiles::create(&f.path(""), channels())).transpose()?;
-            let sinks = files.as_mut().map(RecordingFiles::sinks).unwrap_or_default();
-            let options = DriveOptions { safety, sinks, stop: Some(&halt::STOP), observer: Some(&mut show), ..DriveOptions::default() };
-            let outcome = plan.run(&setup.config, None, Some(&mut robot), options);
-            console.end_progress();
-            outcome?
+            let subject = plan.subject(&setup.config, None, &safety)?;
+            let mut connected = attendant.connect(robot, setup.seed(shared))?;
+            attended(&attendant, &mut connected.robot, &plan.track_run(&setup.config, &subject), folder.as_ref())?
         }
     };
-    conclude(&outcome, &plan, folder.as_ref(), shared, console)
+    let told = tell(&outcome, &plan, folder.as_ref(), shared, console);
+    match outcome.ended {
+        // What ended the drive comes before what may have gone wrong in telling of it.
+        Some(error) => Err(Error::Drive { error: Box::new(error), kept }),
+        None => told,
+    }
+}
+
+/// Drives a run under every watch there is. Rows are kept as they come, in the file whose path comes back; what is joined with the
+/// desired motion is written at the end.
+pub(super) fn attended(
+    attendant: &Attendant<'_>,
+    robot: &mut Live,
+    run: &TrackRun<'_>,
+    folder: Option<&Folder>,
+) -> Result<(Outcome, Option<PathBuf>), Error> {
+    // Whatever is wrong is said before anybody steps back.
+    let ready = run.ready(robot)?;
+    let folder = folder.map(|folder| folder.path(""));
+    let attended = attendant.drive(robot, folder.as_deref(), None, |robot, options| ready.drive(robot, options))?;
+    Ok((attended.outcome?, attended.files.map(|files| files.csv_path)))
 }
 
 /// What a drive keeps within: the configuration's limits, and those of a profile, from the command line, the configuration or the
 /// model file.
 pub(super) fn bounds(setup: &Setup, given: Option<&RobotProfile>, own: Option<&RobotProfile>) -> Result<Safety, Error> {
     let configured = setup.config.sections.limits.profile.is_some();
-    super::drive::safety(setup, given.or(own.filter(|_| !configured)))
+    attend::safety(setup, given.or(own.filter(|_| !configured)))
 }
 
-/// A line of progress, as often as an eye can follow.
-pub(super) fn progress(console: &Console) -> impl FnMut(&DriveProgress<'_>) + '_ {
-    let mut shown = f64::NEG_INFINITY;
-    move |progress| {
-        if progress.t - shown >= 0.1 {
-            shown = progress.t;
-            console.progress(&format!("tracking {:.1} of {:.1} s", progress.t, progress.duration));
-        }
-    }
-}
-
-fn conclude(outcome: &Outcome, plan: &ControlPlan, folder: Option<&Folder>, shared: &Shared, console: &Console) -> Result<(), Error> {
+fn tell(outcome: &Outcome, plan: &ControlPlan, folder: Option<&Folder>, shared: &Shared, console: &Console) -> Result<(), Error> {
     let mut document = json!({
         "schema": "wheelwright.track/1",
         "controller": plan.controller_name(),
@@ -102,10 +106,7 @@ fn conclude(outcome: &Outcome, plan: &ControlPlan, folder: Option<&Folder>, shar
     outcome.concerns.iter().for_each(|c| console.note(&format!("foreseen: {}", c.message)));
     console.document(&document);
     console.result(&summary(outcome));
-    match &outcome.ended {
-        None => Ok(()),
-        Some(error) => Err(Error::Drive { error: Box::new(error.clone()), kept: folder.map(|f| f.path("track.csv")) }),
-    }
+    Ok(())
 }
 
 fn summary(outcome: &Outcome) -> String {

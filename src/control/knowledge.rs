@@ -71,8 +71,8 @@ impl Knowledge {
     /// The robot for a controller that starts from `theta`.
     pub fn subject(&self, theta: Vec<f64>, own: Option<Vec<f64>>, envelope: Envelope) -> Subject {
         let model = Arc::clone(&self.model);
-        // The period is the robot's, which is known when it is connected.
-        Subject { model, theta, intervals: self.intervals.clone(), own, period: f64::NAN, envelope }
+        // The period is the robot's, which is known when it is connected; the course is laid then.
+        Subject { model, theta, intervals: self.intervals.clone(), own, period: f64::NAN, envelope, course: Vec::new() }
     }
 }
 

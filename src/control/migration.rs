@@ -7,9 +7,10 @@ use wheelwright_controllers::{AdaptiveConfig, InverseDynamicsConfig};
 use wheelwright_core::config::{self as core_config, ConfigError};
 use wheelwright_core::controller::{ControllerConfig, Subject};
 use wheelwright_core::dataset::Dataset;
-use wheelwright_core::drive::{DriveOptions, Safety, drive};
+use wheelwright_core::drive::{DriveFault, DriveOptions, drive};
 use wheelwright_core::excitation::Excitation;
 use wheelwright_core::identification::{Identification, identify};
+use wheelwright_core::recording::Recording;
 use wheelwright_core::robot::Live;
 use wheelwright_core::solver::{Problem, Solver};
 use wheelwright_core::trajectory::TrajectoryConfig;
@@ -22,8 +23,6 @@ use crate::error::Error;
 const HOLDOUT: f64 = 0.3;
 /// Settings of the adaptation where none are given: slow, pulled back, kept within half of each parameter.
 const ADAPTATION: &str = "gamma = 0.2\nstart = 5.0\nleak = 0.02\nprojection = { relative = 0.5 }";
-/// What connects the target anew for each run, with a seed for whatever is random in it.
-pub type Connect<'a> = dyn FnMut(u64) -> Result<Live, Error> + 'a;
 
 /// The gains in a controller's table, `inverse-dynamics` or `adaptive`.
 ///
@@ -40,7 +39,7 @@ pub fn tuning(mut table: Table) -> Result<Tuning, ConfigError> {
 /// Excites a robot and identifies it. The robot is stopped.
 ///
 /// # Errors
-/// [`Error`] of the drive, or of the identification.
+/// [`Error`] of the drive, or as [`learned`].
 pub fn learn(
     robot: &mut Live,
     excitation: &dyn Excitation,
@@ -49,7 +48,15 @@ pub fn learn(
     options: DriveOptions<'_>,
 ) -> Result<Identification, Error> {
     let recording = drive(robot, excitation, options).map_err(|error| Error::Drive { error: Box::new(error), kept: None })?;
-    let data = Dataset::new(&recording, &*subject.model).map_err(|e| Error::content("excitation", e))?;
+    learned(&recording, subject, solver)
+}
+
+/// What an excitation's recording tells of a robot.
+///
+/// # Errors
+/// [`Error`] of the recording, or of the identification.
+pub fn learned(recording: &Recording, subject: &Subject, solver: &dyn Solver) -> Result<Identification, Error> {
+    let data = Dataset::new(recording, &*subject.model).map_err(|e| Error::content("excitation", e))?;
     let (train, held_out) = data.hold_out(HOLDOUT);
     Ok(identify(&Problem::new(&*subject.model, &train), solver, &held_out)?)
 }
@@ -129,52 +136,60 @@ impl Migration<'_> {
         core_config::plain(table)
     }
 
-    /// Drives one case with a controller that starts from `theta`.
-    fn case(
-        &self,
-        name: &'static str,
-        theta: &[f64],
-        tuning: Tuning,
-        controller: &dyn ControllerConfig,
-        drive: &mut DriveCase<'_>,
-    ) -> Case {
-        let own = Some(self.target.theta.clone());
-        let subject = Subject { theta: theta.to_vec(), own, ..self.target.clone() };
-        let run = TrackRun { subject: &subject, controller, trajectory: self.trajectory, section: self.section };
-        Case { name, theta: theta.to_vec(), tuning, outcome: drive(&run) }
-    }
-
     /// The migrated controller, with and without adaptation, and, with `compare`, what it is to be measured against: the
-    /// source's controller as it is, all ones, and `native` parameters.
+    /// source's controller as it is, all ones, and `native` parameters. After a run that a person, the robot or the disk ended no
+    /// other is begun.
     ///
     /// # Errors
-    /// [`Error`] if the controller cannot be carried over. A run that was refused is in its [`Case`].
+    /// [`Error`] if the controller cannot be carried over. Why a run was not driven is in its [`Case`].
     pub fn run(&self, native: Option<&[f64]>, compare: bool, drive: &mut DriveCase<'_>) -> Result<Vec<Case>, Error> {
         let (tuning, _) = self.gains()?;
         let adaptive = self.adaptive(&tuning).map_err(|e| Error::setting("migrate.adaptation", e.to_string()))?;
-        let fixed = |tuning: Tuning| InverseDynamicsConfig::from(tuning);
+        let (here, there) = (InverseDynamicsConfig::from(tuning), InverseDynamicsConfig::from(self.tuning));
+        let ones = vec![1.0; self.target.theta.len()];
+        let planned: [(bool, Planned<'_>); 4] = [
+            (compare, (UNMIGRATED, &self.source.theta, self.tuning, &there)),
+            (compare, (ALL_ONES, &ones, tuning, &here)),
+            (true, (MIGRATED, &self.target.theta, tuning, &here)),
+            (true, (ADAPTED, &self.target.theta, tuning, &adaptive)),
+        ];
+        let native = native.filter(|_| compare).map(|theta| -> Planned<'_> { (NATIVE, theta, tuning, &here) });
+        let planned = planned.into_iter().filter_map(|(wanted, run)| wanted.then_some(run)).chain(native);
         let mut cases = Vec::new();
-        if compare {
-            cases.push(self.case(UNMIGRATED, &self.source.theta, self.tuning, &fixed(self.tuning), drive));
-            let ones = vec![1.0; self.target.theta.len()];
-            cases.push(self.case(ALL_ONES, &ones, tuning, &fixed(tuning), drive));
-        }
-        cases.push(self.case(MIGRATED, &self.target.theta, tuning, &fixed(tuning), drive));
-        cases.push(self.case(ADAPTED, &self.target.theta, tuning, &adaptive, drive));
-        if let Some(native) = native.filter(|_| compare) {
-            cases.push(self.case(NATIVE, native, tuning, &fixed(tuning), drive));
+        for (name, theta, tuning, controller) in planned {
+            let subject = Subject { theta: theta.to_vec(), own: Some(self.target.theta.clone()), ..self.target.clone() };
+            let run = TrackRun { subject: &subject, controller, trajectory: self.trajectory, section: self.section };
+            let case = Case { name, theta: theta.to_vec(), tuning, outcome: drive(name, &run) };
+            let last = case.is_last();
+            cases.push(case);
+            if last {
+                break;
+            }
         }
         Ok(cases)
     }
 }
 
-/// Drives one run on a freshly connected target.
-pub type DriveCase<'a> = dyn FnMut(&TrackRun<'_>) -> Result<Outcome, Error> + 'a;
+/// A run to be driven: its name, the parameters it begins with, its gains, its controller.
+type Planned<'a> = (&'static str, &'a [f64], Tuning, &'a dyn ControllerConfig);
 
-/// A driver of cases that connects the target for each of them with the same seed, so that they meet the same noise.
-pub fn driver<'a>(connect: &'a mut Connect<'_>, seed: u64, safety: Safety) -> impl FnMut(&TrackRun<'_>) -> Result<Outcome, Error> + 'a {
-    move |run| run.drive(&mut connect(seed)?, DriveOptions { safety, ..DriveOptions::default() })
+impl Case {
+    /// True if a person, the robot or the disk ended the run, or a setting is wrong. What a controller brought about itself, off its
+    /// course or refused beforehand, is a result like any other.
+    pub fn is_last(&self) -> bool {
+        use DriveFault::{Command, Floor, NotFinite, OffCourse};
+        match &self.outcome {
+            Ok(Outcome { ended: Some(error), .. }) => {
+                error.stop_failed.is_some() || !matches!(error.fault, Command { .. } | Floor { .. } | NotFinite { .. } | OffCourse { .. })
+            }
+            Ok(_) | Err(Error::Danger(_)) => false,
+            Err(_) => true,
+        }
+    }
 }
+
+/// Drives the run of that name on a freshly connected target.
+pub type DriveCase<'a> = dyn FnMut(&str, &TrackRun<'_>) -> Result<Outcome, Error> + 'a;
 
 /// The settled error of a case \[m\], if it was driven.
 pub fn error_of(cases: &[Case], name: &str) -> Option<f64> {

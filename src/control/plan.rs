@@ -2,7 +2,7 @@
 
 use toml::{Table, Value};
 use wheelwright_core::config::ConfigError;
-use wheelwright_core::controller::ControllerConfig;
+use wheelwright_core::controller::{ControllerConfig, Subject};
 use wheelwright_core::drive::{DriveOptions, Safety};
 use wheelwright_core::robot::Live;
 use wheelwright_core::trajectory::{Envelope, TrajectoryConfig};
@@ -39,6 +39,9 @@ impl ControlPlan {
         let controller = registry.controller(controller_table.clone()).map_err(|e| config.error_in("controller", e))?;
         let (trajectory, trajectory_name) = trajectory(config, registry)?;
         let knowledge = knowledge(config, registry, "model", config.sections.model.clone().unwrap_or_default())?;
+        if config.sections.robot.is_some() && config.sections.simulation.is_some() {
+            return Err(config.error(ConfigError::new("robot", "and [simulation] are both there: keep one of them")));
+        }
         Ok(Self { knowledge, controller, controller_table, trajectory, trajectory_name })
     }
 
@@ -62,6 +65,20 @@ impl ControlPlan {
         Err(Error::setting("model", message))
     }
 
+    /// What the controller is told of its robot, which keeps within `safety`. `theta` stands for the configured parameters, if given.
+    ///
+    /// # Errors
+    /// As [`theta`](Self::theta).
+    pub fn subject(&self, config: &Config, theta: Option<Vec<f64>>, safety: &Safety) -> Result<Subject, Error> {
+        let theta = theta.map_or_else(|| self.theta(), Ok)?;
+        Ok(self.knowledge.subject(theta, config.sections.track.own_theta.clone(), envelope(safety)))
+    }
+
+    /// The run as configured, for whoever connects the robot.
+    pub fn track_run<'a>(&'a self, config: &'a Config, subject: &'a Subject) -> TrackRun<'a> {
+        TrackRun { subject, controller: &*self.controller, trajectory: &*self.trajectory, section: &config.sections.track }
+    }
+
     /// Simulates or, with a robot, drives what the configuration asks for. `theta` stands for the configured parameters, if
     /// given.
     ///
@@ -74,17 +91,14 @@ impl ControlPlan {
         robot: Option<&mut Live>,
         options: DriveOptions<'_>,
     ) -> Result<Outcome, Error> {
-        let section = &config.sections.track;
-        let theta = theta.map_or_else(|| self.theta(), Ok)?;
-        let subject = self.knowledge.subject(theta, section.own_theta.clone(), envelope(&options.safety));
-        let run = TrackRun { subject: &subject, controller: &*self.controller, trajectory: &*self.trajectory, section };
+        let subject = self.subject(config, theta, &options.safety)?;
+        let run = self.track_run(config, &subject);
         match (robot, &config.sections.simulation) {
-            (Some(robot), None) => run.drive(robot, options),
+            (Some(robot), _) => run.drive(robot, options),
             (None, Some(simulation)) => {
                 let controller = integrable(self.controller_table.clone()).map_err(|e| config.error_in("controller", e))?;
                 simulate(&run, &controller, simulation)
             }
-            (Some(_), Some(_)) => Err(config.error(ConfigError::new("robot", "and [simulation] are both there: keep one of them"))),
             (None, None) => Err(config.error(ConfigError::new("robot", "is missing, and so is [simulation]"))),
         }
     }

@@ -2,12 +2,12 @@
 
 use serde::Serialize;
 use serde_json::{Value, json};
-use wheelwright_core::controller::{Concern, ControllerConfig, Gravity, Plan, Subject};
+use wheelwright_core::controller::{Concern, Controller, ControllerConfig, Gravity, Plan, Subject};
 use wheelwright_core::drive::{DriveError, DriveOptions};
 use wheelwright_core::recording::Recording;
 use wheelwright_core::robot::Live;
 use wheelwright_core::tracking::{TrackLog, Tracked, start_pose, track};
-use wheelwright_core::trajectory::{Placed, Trajectory, TrajectoryConfig, pace_within};
+use wheelwright_core::trajectory::{Placed, Trajectory, TrajectoryConfig, course, pace_within};
 
 use super::section::{Pace, Start, TrackSection};
 use crate::error::Error;
@@ -26,6 +26,19 @@ pub struct TrackRun<'a> {
     pub trajectory: &'a dyn TrajectoryConfig,
     /// How it is laid.
     pub section: &'a TrackSection,
+}
+
+/// A run that nothing stands against any more.
+#[derive(Debug)]
+pub struct Ready {
+    controller: Box<dyn Controller>,
+    trajectory: Placed,
+    start: Start,
+    pace: f64,
+    duration: f64,
+    off_course: f64,
+    concerns: Vec<Concern>,
+    period: f64,
 }
 
 /// What came of a run.
@@ -68,27 +81,33 @@ impl TrackRun<'_> {
     /// # Errors
     /// [`Error`] if the robot was not moved: a setting is wrong, it lacks a channel, or danger was foreseen.
     pub fn drive(&self, robot: &mut Live, options: DriveOptions<'_>) -> Result<Outcome, Error> {
-        let subject = Subject { period: robot.period(), ..self.subject.clone() };
-        let mut measured = vec![0.0; robot.outputs().len()];
-        robot.measure(&mut measured).map_err(Error::Connect)?;
-        let (placed, pace) = self.placed(&subject, start_pose(robot.outputs(), &measured))?;
-        let mut controller = self.controller.build(&subject).map_err(Error::Control)?;
-        let duration = self.duration(&placed)?;
-        let concerns = controller.assess(&Plan { trajectory: &placed, duration, noise: self.section.noise });
+        self.ready(robot)?.drive(robot, options)
+    }
+
+    /// Builds the controller, sizes the trajectory and weighs the dangers. Nothing moves yet.
+    ///
+    /// # Errors
+    /// [`Error`] for a setting that is wrong, or danger that is foreseen.
+    pub fn ready(&self, robot: &Live) -> Result<Ready, Error> {
+        let (trajectory, pace) = self.sized()?;
+        let duration = self.duration(&trajectory)?;
+        let course = course(&trajectory, duration);
+        let subject = Subject { period: robot.period(), course, ..self.subject.clone() };
+        let controller = self.controller.build(&subject).map_err(Error::Control)?;
+        let concerns = controller.assess(&Plan { trajectory: &trajectory, duration, noise: self.section.noise });
         if !self.section.force && concerns.iter().any(|c| c.gravity == Gravity::Danger) {
             return Err(Error::Danger(concerns));
         }
         let off_course = self.section.off_course.unwrap_or(f64::INFINITY);
-        let tracked = track(robot, &mut *controller, &placed, duration, off_course, options).map_err(Error::Track)?;
-        Ok(Outcome::new(tracked, controller.parameters(), concerns, duration, subject.period, pace))
+        Ok(Ready { controller, trajectory, start: self.section.start, pace, duration, off_course, concerns, period: subject.period })
     }
 
-    /// The trajectory as it is to be followed from a pose on, and its pace.
+    /// The trajectory in the size and at the pace at which it is to be followed, and that pace.
     ///
     /// # Errors
     /// [`Error::Trajectory`], or [`Error::Config`] for an impossible size or pace.
-    pub fn placed(&self, subject: &Subject, pose: [f64; 3]) -> Result<(Placed, f64), Error> {
-        let section = self.section;
+    pub fn sized(&self) -> Result<(Placed, f64), Error> {
+        let (section, subject) = (self.section, self.subject);
         positive("track.size", section.size)?;
         positive("track.fill", section.fill)?;
         let built = || self.trajectory.build(&subject.envelope).map_err(Error::Trajectory);
@@ -102,8 +121,7 @@ impl TrackRun<'_> {
                 pace_within(&scaled, self.section.duration.unwrap_or(0.0).max(scaled.duration()), &subject.envelope, section.fill)
             }
         };
-        let paced = scaled.paced(pace);
-        Ok((if section.start == Start::Robot { paced.starting_at(pose) } else { paced }, pace))
+        Ok((scaled.paced(pace), pace))
     }
 
     /// Length of the run \[s\].
@@ -114,6 +132,30 @@ impl TrackRun<'_> {
         let duration = self.section.duration.unwrap_or_else(|| trajectory.duration());
         positive("track.duration", duration)?;
         Ok(duration)
+    }
+}
+
+impl Start {
+    /// A trajectory as it is followed by a robot that stands at a pose.
+    pub(super) fn lay(self, trajectory: Placed, pose: [f64; 3]) -> Placed {
+        match self {
+            Self::Robot => trajectory.starting_at(pose),
+            Self::World => trajectory,
+        }
+    }
+}
+
+impl Ready {
+    /// Lays the trajectory at the robot, drives, and stops it. `options` hold what it keeps within and who may end it.
+    ///
+    /// # Errors
+    /// [`Error`] if the robot was not moved: it does not answer, or lacks a channel.
+    pub fn drive(mut self, robot: &mut Live, options: DriveOptions<'_>) -> Result<Outcome, Error> {
+        let mut measured = vec![0.0; robot.outputs().len()];
+        robot.measure(&mut measured).map_err(Error::Connect)?;
+        let laid = self.start.lay(self.trajectory, start_pose(robot.outputs(), &measured));
+        let tracked = track(robot, &mut *self.controller, &laid, self.duration, self.off_course, options).map_err(Error::Track)?;
+        Ok(Outcome::new(tracked, self.controller.parameters(), self.concerns, self.duration, self.period, self.pace))
     }
 }
 

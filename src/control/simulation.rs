@@ -6,6 +6,7 @@ use wheelwright_controllers::continuous::Continuous;
 use wheelwright_core::config::{self as core_config, ConfigError};
 use wheelwright_core::controller::Subject;
 use wheelwright_core::recording::{Column, Recording, Source};
+use wheelwright_core::trajectory::course;
 
 use super::knowledge::check_theta;
 use super::run::{Outcome, TrackRun};
@@ -38,13 +39,14 @@ pub fn integrable(mut table: Table) -> Result<AdaptiveConfig, ConfigError> {
 /// # Errors
 /// [`Error`] for a setting that cannot be, or a motion that diverges.
 pub fn simulate(run: &TrackRun<'_>, controller: &AdaptiveConfig, section: &SimulationSection) -> Result<Outcome, Error> {
-    let subject = Subject { period: section.step, ..run.subject.clone() };
-    check_theta(&section.theta, &*subject.model).map_err(|reason| Error::setting("simulation.theta", reason))?;
+    check_theta(&section.theta, &*run.subject.model).map_err(|reason| Error::setting("simulation.theta", reason))?;
     if !(section.step.is_finite() && section.step > 0.0) {
         return Err(Error::setting("simulation.step", format!("must be a positive number of seconds, not {}", section.step)));
     }
-    let (trajectory, pace) = run.placed(&subject, [0.0; 3])?;
+    let (trajectory, pace) = run.sized()?;
+    let trajectory = run.section.start.lay(trajectory, [0.0; 3]);
     let duration = run.duration(&trajectory)?;
+    let subject = Subject { period: section.step, course: course(&trajectory, duration), ..run.subject.clone() };
     let mut start = Continuous::perfect_start(&trajectory);
     let [ahead, left, turned] = section.offset;
     let (sin, cos) = start[2].sin_cos();

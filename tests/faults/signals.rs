@@ -21,31 +21,70 @@ period = 0.05
 [excitation]
 type = "thesis-pioneer"
 
+[model]
+type = "vw-pd"
+theta = [0.2183, 0.1918, -0.0050, 0.9993, -0.0279, 1.0142]
+
+[trajectory]
+type = "circle"
+radius = 1.0
+speed = 0.2
+
+[controller]
+type = "inverse-dynamics"
+k = [0.8, 2.0, 0.8]
+kv = 1.5
+kw = 1.5
+
+[track]
+duration = 60.0
+
+[source]
+period = 0.1
+model = { type = "vw-pd", theta = [0.2183, 0.1918, -0.0050, 0.9993, -0.0279, 1.0142] }
+controller = { type = "inverse-dynamics", k = [0.8, 2.0, 0.8], kv = 1.5, kw = 1.5 }
+
+[migrate]
+compare = false
+
 [record]
 countdown = 0.0
 "#;
 
-/// The program at work, with its folder.
+/// The program's ways to drive a robot, with the folder below `out` in which each leaves its first recording.
+const RECORD: Way = ("record", "");
+const TRACK: Way = ("track", "");
+const MIGRATE: Way = ("migrate", "migrated");
+
+type Way = (&'static str, &'static str);
+
+/// The program at work, with its folder and that of its recording.
 struct Driving {
     child: Child,
     folder: tempfile::TempDir,
+    out: PathBuf,
 }
 
 impl Driving {
-    /// Starts `record` and waits until rows come.
-    fn start(before: &str, more: &str) -> Self {
+    /// Starts driving.
+    fn start(way: Way, before: &str, more: &str) -> Self {
+        Self::start_with(CONFIG, way, before, more)
+    }
+
+    fn start_with(config: &str, (verb, below): Way, before: &str, more: &str) -> Self {
         let folder = tempfile::tempdir().unwrap();
-        std::fs::write(folder.path().join("c.toml"), CONFIG).unwrap();
+        std::fs::write(folder.path().join("c.toml"), config).unwrap();
         let program = env!("CARGO_BIN_EXE_wheelwright");
-        let script = format!("{before} exec '{program}' record c.toml --out out {more}");
+        let script = format!("{before} exec '{program}' {verb} c.toml --out out {more}");
         let mut command = Command::new("sh");
         command.arg("-c").arg(script).current_dir(folder.path());
         command.stdin(Stdio::piped()).stdout(Stdio::null()).stderr(Stdio::piped());
-        Self { child: command.spawn().unwrap(), folder }
+        let out = folder.path().join("out").join(below);
+        Self { child: command.spawn().unwrap(), folder, out }
     }
 
     fn csv(&self) -> PathBuf {
-        self.folder.path().join("out/recording.csv")
+        self.out.join("recording.csv")
     }
 
     /// Whole rows in the file now.
@@ -93,15 +132,16 @@ fn readable(folder: &Path) -> usize {
 }
 
 /// A signal while the robot drives: rows that came after it, counted against the time that the test itself took.
-fn signalled(name: &str, signal: &str, says: &str) {
-    let mut driving = Driving::start("", "");
+fn signalled(way: Way, name: &str, signal: &str, says: &str) -> Driving {
+    let name = &format!("{name}, {}", way.0);
+    let mut driving = Driving::start(way, "", "");
     driving.wait_for_rows(20);
     let asked = Instant::now();
     let before = driving.rows();
     driving.send(signal);
     let own = (asked.elapsed().as_secs_f64() / PERIOD).ceil() as usize;
     let (status, said) = driving.wait();
-    let rows = readable(&driving.folder.path().join("out"));
+    let rows = readable(&driving.out);
     let cycles = rows.saturating_sub(before + own);
     assert!(cycles <= super::CYCLES, "{name}: {cycles} cycles after the signal");
     assert!(says.is_empty() || said.contains(says), "{name}: {said}");
@@ -111,25 +151,45 @@ fn signalled(name: &str, signal: &str, says: &str) {
         assert_eq!(status.code(), Some(1), "{name}: {said}");
     }
     super::line(name, cycles, rows, said.trim());
+    driving
 }
 
 #[test]
 fn ctrl_c_sigterm_and_a_closed_terminal_stop_the_robot() {
-    std::thread::scope(|scope| {
-        for (name, signal) in [("ctrl-C", "INT"), ("SIGTERM", "TERM"), ("terminal closed (SIGHUP)", "HUP")] {
-            scope.spawn(move || signalled(name, signal, "stopped by request"));
-        }
-    });
+    for way in [RECORD, TRACK] {
+        std::thread::scope(|scope| {
+            for (name, signal) in [("ctrl-C", "INT"), ("SIGTERM", "TERM"), ("terminal closed (SIGHUP)", "HUP")] {
+                scope.spawn(move || signalled(way, name, signal, "stopped by request"));
+            }
+        });
+    }
+}
+
+/// What was driven is kept; the page and the numbers tell of it.
+#[test]
+fn ctrl_c_ends_a_migration_and_not_only_one_of_its_runs() {
+    let driving = signalled(MIGRATE, "ctrl-C", "INT", "stopped by request");
+    let out = driving.folder.path().join("out");
+    assert!(!out.join("migrated-adapting").exists(), "another run was begun");
+    assert!(out.join("result.json").exists() && out.join("report.html").exists());
 }
 
 #[test]
 fn kill_9_leaves_every_row_whole() {
-    signalled("kill -9", "KILL", "");
+    for way in [RECORD, TRACK] {
+        signalled(way, "kill -9", "KILL", "");
+    }
 }
 
 #[test]
 fn a_program_that_was_asleep_does_not_go_on_driving() {
-    let mut driving = Driving::start("", "");
+    for way in [RECORD, TRACK] {
+        asleep(way);
+    }
+}
+
+fn asleep(way: Way) {
+    let mut driving = Driving::start(way, "", "");
     driving.wait_for_rows(10);
     driving.send("STOP");
     std::thread::sleep(Duration::from_millis(1600));
@@ -138,7 +198,7 @@ fn a_program_that_was_asleep_does_not_go_on_driving() {
     let (status, said) = driving.wait();
     assert_eq!(status.code(), Some(5), "{said}");
     assert!(said.contains("the robot took") || said.contains("deadline missed"), "{said}");
-    let rows = readable(&driving.folder.path().join("out"));
+    let rows = readable(&driving.out);
     assert!(rows <= before + super::CYCLES, "{rows} after {before}");
     super::line("program suspended", rows - before, rows, said.trim());
 }
@@ -146,12 +206,12 @@ fn a_program_that_was_asleep_does_not_go_on_driving() {
 /// The shell counts blocks of 512 bytes, or of 1024 where it is bash: some rows fit into either, the whole drive into neither.
 #[test]
 fn a_full_disk_stops_the_robot_and_leaves_whole_rows() {
-    let mut driving = Driving::start("trap '' XFSZ; ulimit -f 40;", "");
+    let mut driving = Driving::start(TRACK, "trap '' XFSZ; ulimit -f 40;", "");
     let (status, said) = driving.wait();
     assert_eq!(status.code(), Some(1), "{said}");
     assert!(said.contains("the recording cannot be written") && said.contains("the robot was stopped"), "{said}");
-    let out = driving.folder.path().join("out");
-    let rows = readable(&out);
+    let out = &driving.out;
+    let rows = readable(out);
     assert!(rows >= 10, "{rows}");
     let text = std::fs::read_to_string(out.join("recording.csv")).unwrap();
     assert!(text.ends_with('\n'), "the cut line was taken back");
@@ -160,7 +220,13 @@ fn a_full_disk_stops_the_robot_and_leaves_whole_rows() {
 
 #[test]
 fn a_hand_that_lets_go_stops_the_robot() {
-    let mut driving = Driving::start("", "--dead-man --set record.dead_man_timeout=0.3");
+    for way in [RECORD, TRACK, MIGRATE] {
+        let_go(way);
+    }
+}
+
+fn let_go(way: Way) {
+    let mut driving = Driving::start(way, "", "--dead-man --set record.dead_man_timeout=0.3");
     let mut hand = driving.child.stdin.take().unwrap();
     let begun = Instant::now();
     while driving.rows() < 20 {
@@ -173,7 +239,7 @@ fn a_hand_that_lets_go_stops_the_robot() {
     let (status, said) = driving.wait();
     assert_eq!(status.code(), Some(1), "{said}");
     assert!(said.contains("dead man"), "{said}");
-    let rows = readable(&driving.folder.path().join("out"));
+    let rows = readable(&driving.out);
     let held = (let_go.elapsed().as_secs_f64().min(0.3) / PERIOD).ceil() as usize;
     assert!(rows <= before + held + super::CYCLES, "{rows} rows, {before} when it let go");
     super::line("key let go", rows.saturating_sub(before + held), rows, said.trim());
@@ -181,7 +247,13 @@ fn a_hand_that_lets_go_stops_the_robot() {
 
 #[test]
 fn nobody_holds_the_key_and_nothing_moves() {
-    let mut driving = Driving::start("", "--dead-man");
+    for way in [RECORD, TRACK] {
+        unheld(way);
+    }
+}
+
+fn unheld(way: Way) {
+    let mut driving = Driving::start(way, "", "--dead-man");
     let mut asked = String::new();
     let mut stderr = BufReader::new(driving.child.stderr.take().unwrap());
     stderr.read_line(&mut asked).unwrap();
@@ -194,6 +266,46 @@ fn nobody_holds_the_key_and_nothing_moves() {
     assert_ne!(status.code(), Some(0));
     assert!(said.contains("before the robot moved"), "{said}");
     assert!(!driving.csv().exists());
+}
+
+#[test]
+fn a_countdown_comes_before_tracking_and_a_signal_in_it_moves_nothing() {
+    let mut driving = Driving::start(TRACK, "", "--countdown 30");
+    std::thread::sleep(Duration::from_millis(1500));
+    assert_eq!(driving.rows(), 0);
+    driving.send("INT");
+    let (status, said) = driving.wait();
+    assert_ne!(status.code(), Some(0));
+    assert!(said.contains("before the robot moved") && !driving.csv().exists(), "{said}");
+}
+
+/// The robot, here an emulated one, is gone in the middle of a run.
+#[test]
+fn a_link_that_is_lost_while_tracking_is_said_and_the_rows_are_kept() {
+    // A port that was free a moment ago.
+    let port = std::net::TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap().port();
+    let (emulated, listen) = ("examples/emulate_pioneer.toml", format!("emulator.listen=\"127.0.0.1:{port}\""));
+    let mut emulator = Command::new(env!("CARGO_BIN_EXE_wheelwright"));
+    emulator.args(["emulate", emulated, "--set", &listen]).current_dir(env!("CARGO_MANIFEST_DIR"));
+    let mut emulator = emulator.stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap();
+    let listening = Instant::now();
+    while std::net::TcpStream::connect(("127.0.0.1", port)).is_err() {
+        assert!(listening.elapsed() < PATIENCE, "the emulator does not listen");
+        std::thread::sleep(Duration::from_millis(20));
+    }
+    let (_, rest) = CONFIG.split_once("[excitation]").unwrap();
+    let config = format!("[robot]\ntype = \"pioneer\"\ntcp = \"127.0.0.1:{port}\"\n[limits]\ndeadline = 5.0\n[excitation]{rest}");
+    let mut driving = Driving::start_with(&config, TRACK, "", "");
+    driving.wait_for_rows(20);
+    emulator.kill().unwrap();
+    emulator.wait().unwrap();
+    let before = driving.rows();
+    let (status, said) = driving.wait();
+    assert_eq!(status.code(), Some(5), "{said}");
+    assert!(said.contains("rows were kept"), "{said}");
+    let rows = readable(&driving.out);
+    assert!(rows >= 20 && rows <= before + super::CYCLES, "{rows} rows, {before} when the link went");
+    super::line("link lost over TCP, track", rows - before, rows, said.trim());
 }
 
 #[test]

@@ -8,7 +8,7 @@ use std::sync::Arc;
 
 use toml::Table;
 use wheelwright_controllers::AdaptiveConfig;
-use wheelwright_controllers::adaptation::{Gamma, Projection};
+use wheelwright_controllers::adaptation::{Balanced, Gamma, Projection};
 use wheelwright_controllers::law::Sigma;
 use wheelwright_controllers::trajectory::FigureEight;
 use wheelwright_core::ModelConfig;
@@ -17,7 +17,7 @@ use wheelwright_core::drive::DriveOptions;
 use wheelwright_core::profile::Limits;
 use wheelwright_core::robot::Live;
 use wheelwright_core::tracking::{TrackLog, start_pose, track};
-use wheelwright_core::trajectory::{Envelope, Placed, TrajectoryConfig};
+use wheelwright_core::trajectory::{Envelope, Placed, TrajectoryConfig, course};
 use wheelwright_models::VwPdConfig;
 use wheelwright_models::physics::{PhysicalConstants, VwGains, vw_pd_theta};
 use wheelwright_robots::SimulatorConfig;
@@ -78,12 +78,31 @@ pub(crate) struct Bench {
     kv: f64,
     /// Parameters that are not adapted once identified.
     frozen: &'static [&'static str],
+    /// Noise on v and omega that the sensors have: two wheels' on their mean, and on their difference over the track.
+    pub(crate) noise: [f64; 2],
 }
 
-pub(crate) const KHEPERA_BENCH: Bench =
-    Bench { name: "Khepera", robot: KHEPERA, eight: [0.15, 0.3, 0.3], k: [1.0, 30.0, 2.0], kv: 2.0, frozen: &["theta4", "theta6"] };
-pub(crate) const PIONEER_BENCH: Bench =
-    Bench { name: "Pioneer", robot: PIONEER, eight: [0.75, 1.5, 0.2], k: [0.8, 2.0, 0.8], kv: 1.5, frozen: &["theta4", "theta6"] };
+pub(crate) const KHEPERA_BENCH: Bench = Bench {
+    name: "Khepera",
+    robot: KHEPERA,
+    eight: [0.15, 0.3, 0.3],
+    k: [1.0, 30.0, 2.0],
+    kv: 2.0,
+    frozen: &["theta4", "theta6"],
+    noise: [0.0021, 0.0477],
+};
+pub(crate) const PIONEER_BENCH: Bench = Bench {
+    name: "Pioneer",
+    robot: PIONEER,
+    eight: [0.75, 1.5, 0.2],
+    k: [0.8, 2.0, 0.8],
+    kv: 1.5,
+    frozen: &["theta4", "theta6"],
+    noise: [0.0035, 0.0207],
+};
+
+/// Time constant of balanced gains \[s\], the same for every robot.
+pub(crate) const BALANCED: f64 = 5.0;
 
 /// What a run starts from and does.
 #[derive(Debug, Clone, Default)]
@@ -94,10 +113,14 @@ pub(crate) struct Trial {
     pub(crate) adapt: Option<f64>,
     /// Adapts all parameters, those frozen once identified included.
     pub(crate) thaw: bool,
+    /// Time constant of gains that are balanced by what the trajectory asks \[s\]; one for all parameters if absent.
+    pub(crate) balanced: Option<f64>,
     /// Bounds of the parameters.
     pub(crate) projection: Option<Projection>,
     /// Saturation control.
     pub(crate) saturation: bool,
+    /// Noise on v and omega whose drift is taken out of the adaptation.
+    pub(crate) noise: [f64; 2],
     /// Time at which the payload is put on \[s\]; it is there from the start if absent.
     pub(crate) loaded_at: Option<f64>,
     /// Factors on mass and yaw inertia.
@@ -155,7 +178,10 @@ impl Bench {
         let envelope = Envelope { limits, track_width: Some(plant.track_width), wheel_radius: Some(plant.wheel_radius) };
         let model = Arc::from(VwPdConfig::default().build()?);
         let intervals = vec![None; theta.len()];
-        let subject = Subject { model, theta, intervals, own: None, period: simulator.settings.period, envelope };
+        let [ax, ay, frequency] = self.eight;
+        let trajectory = FigureEight { ax, ay, frequency, dither: None }.build(&envelope)?;
+        let course = course(&*trajectory, duration);
+        let subject = Subject { model, theta, intervals, own: None, period: simulator.settings.period, envelope, course };
         let frozen = if trial.thaw { Vec::new() } else { self.frozen.iter().map(|f| (*f).to_owned()).collect() };
         let config = AdaptiveConfig {
             k: self.k,
@@ -163,14 +189,13 @@ impl Bench {
             kw: self.kv,
             sigma: Sigma::Exact,
             saturation: trial.saturation,
-            gamma: Gamma::Same(1.0),
+            gamma: trial.balanced.map_or(Gamma::Same(1.0), |time| Gamma::Balanced(Balanced { time })),
             frozen,
             start: trial.adapt.unwrap_or(f64::MAX),
             leak: 0.0,
+            noise: trial.noise,
             projection: trial.projection.clone(),
         };
-        let [ax, ay, frequency] = self.eight;
-        let trajectory = FigureEight { ax, ay, frequency, dither: None }.build(&envelope)?;
         let mut measured = vec![0.0; robot.outputs().len()];
         robot.measure(&mut measured)?;
         let placed = Placed::new(trajectory).starting_at(start_pose(robot.outputs(), &measured));

@@ -4,7 +4,7 @@
 
 mod experiments;
 
-use experiments::{Bench, KHEPERA_BENCH, PIONEER_BENCH, Trial, box_around, ones};
+use experiments::{BALANCED, Bench, KHEPERA_BENCH, PIONEER_BENCH, Trial, box_around, ones};
 
 const WINDOWS: [(f64, f64); 4] = [(10.0, 30.0), (30.0, 60.0), (60.0, 90.0), (90.0, 120.0)];
 
@@ -49,7 +49,25 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     show(p, "identified, no adapt", &Trial::default(), seeds)?;
     show(p, "identified, adapt@30", &Trial { adapt: Some(30.0), ..Trial::default() }, seeds)?;
     show(p, "heavy payload, no adapt", &Trial { payload: Some(heavy), ..Trial::default() }, seeds)?;
-    show(p, "heavy payload, adapt@30", &Trial { payload: Some(heavy), adapt: Some(30.0), ..Trial::default() }, seeds)
+    show(p, "heavy payload, adapt@30", &Trial { payload: Some(heavy), adapt: Some(30.0), ..Trial::default() }, seeds)?;
+    for (bench, payload) in [(k, [4.5, 5.0]), (p, heavy)] {
+        put_on(bench, payload, seeds)?;
+    }
+    Ok(())
+}
+
+/// A payload put on at 30 s, and what becomes of it with more and more of the adaptation.
+fn put_on(bench: Bench, payload: [f64; 2], seeds: u64) -> Result<(), Box<dyn std::error::Error>> {
+    let native = Trial { theta: bench.theta(Some(payload))?, payload: Some(payload), ..Trial::default() };
+    show(bench, "payload, identified with it", &native, seeds)?;
+    let still = Trial { theta: Vec::new(), loaded_at: Some(30.0), ..native };
+    let adapting = Trial { adapt: Some(30.0), ..still.clone() };
+    let (balanced, noise) = (Some(BALANCED), bench.noise);
+    show(bench, "payload put on at 30 s, no adapt", &still, seeds)?;
+    show(bench, "payload put on at 30 s, gamma = 1", &adapting, seeds)?;
+    show(bench, "payload put on at 30 s, gamma = 1, noise known", &Trial { noise, ..adapting.clone() }, seeds)?;
+    show(bench, "payload put on at 30 s, gamma balanced", &Trial { balanced, ..adapting.clone() }, seeds)?;
+    show(bench, "payload put on at 30 s, gamma balanced, noise known", &Trial { balanced, noise, ..adapting }, seeds)
 }
 
 fn show(bench: Bench, name: &str, trial: &Trial, seeds: u64) -> Result<(), Box<dyn std::error::Error>> {

@@ -29,7 +29,8 @@ pub const PIONEER: [f64; 6] = [0.2183, 0.1918, -0.0050, 0.9993, -0.0279, 1.0142]
 
 pub fn pd_subject(theta: &[f64], period: f64) -> Subject {
     let model = Arc::from(VwPdConfig::default().build().unwrap());
-    Subject { model, theta: theta.to_vec(), intervals: vec![None; theta.len()], own: None, period, envelope: Envelope::default() }
+    let (intervals, envelope, course) = (vec![None; theta.len()], Envelope::default(), Vec::new());
+    Subject { model, theta: theta.to_vec(), intervals, own: None, period, envelope, course }
 }
 
 pub fn figure_eight(ax: f64, ay: f64, frequency: f64) -> Box<dyn Trajectory> {
@@ -47,6 +48,7 @@ pub fn adaptive(k: [f64; 3], [kv, kw]: [f64; 2], sigma: Sigma, gamma: f64) -> Ad
         frozen: Vec::new(),
         start: 0.0,
         leak: 0.0,
+        noise: [0.0; 2],
         projection: None,
     }
 }

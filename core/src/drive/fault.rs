@@ -21,8 +21,8 @@ pub enum DriveFault {
     /// The excitation does not fit the robot.
     #[error("excitation: {0}")]
     Excitation(#[from] ExcitationError),
-    /// The excitation asks for something that is no number.
-    #[error("excitation: command `{channel}` is {value} at t = {t:.3} s; nothing was sent")]
+    /// The excitation, or the controller, asks for something that is no number.
+    #[error("command `{channel}` is {value} at t = {t:.3} s; nothing was sent")]
     Command {
         /// Command channel.
         channel: String,

@@ -96,6 +96,8 @@ pub struct DriveProgress<'a> {
     pub measured: &'a [f64],
     /// Where limits held commands back so far.
     pub bites: &'a [Bite],
+    /// Distance from where the robot should be \[m\], if it follows a trajectory.
+    pub distance: Option<f64>,
 }
 
 /// Decides commands: given the time \[s\] and what was measured then, it writes the command to be held for a period, and may end
@@ -200,7 +202,7 @@ fn cycles(
             break Err(error.into());
         }
         if let Some(observer) = options.observer.as_mut() {
-            observer(&DriveProgress { t, duration, command: &command, measured: &measured, bites: limiter.bites() });
+            observer(&DriveProgress { t, duration, command: &command, measured: &measured, bites: limiter.bites(), distance: None });
         }
         // Half a period of grace: a sum of periods seldom hits the duration to the last bit.
         if going.is_break() || t > duration - 0.5 * period {
