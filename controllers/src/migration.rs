@@ -3,6 +3,12 @@
 //! The inverse dynamics carry themselves: with the other robot's θ they ask it for the same accelerations. What does not carry
 //! itself are the gains, because a sampled loop bears only so much of them ([`crate::stability`]): they are kept, scaled with the
 //! sampling period, or tuned anew to use the same share of what the other robot bears.
+//!
+//! Scaled or tuned anew, they are raised on a robot that bears more. On one that bears less they are not lowered for the sake of the
+//! share alone, which would make the robot slow to come back to its course and win nothing, but only to where the loop does not ring:
+//! half the bound. There the pole a + b of the inner loop is zero, and with a measurement or a link that is late by a whole period its
+//! poles, of z² − a z + a, are still within the unit circle. Likewise k2, which on a larger course makes the same curve at a higher
+//! speed v, is not lowered further than the damping k3/(2 v √k2) of the lateral error asks for.
 
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
@@ -12,6 +18,9 @@ use crate::body::Body;
 use crate::law::{Gains, Sigma};
 use crate::stability::Axis;
 use crate::{AdaptiveConfig, InverseDynamicsConfig};
+
+/// Share of the stability bound above which the sampled loop rings.
+const RINGS: f64 = 0.5;
 
 /// Gains of the inverse dynamics as configurations write them.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -51,9 +60,10 @@ impl From<Tuning> for InverseDynamicsConfig {
 pub enum GainRule {
     /// As they are.
     Kept,
-    /// Rates go with the sampling rate: half the period, twice the gain.
+    /// Rates go with the sampling rate: half the period, twice the gain. Twice the period, the same as far as the loop does not ring.
     Scaled,
-    /// Each axis uses the same share of its stability bound as on the source.
+    /// Each axis uses the same share of its stability bound as on the source. Gains that would be lowered stay as far as the loop does not
+    /// ring.
     #[default]
     Retuned,
 }
@@ -129,7 +139,7 @@ fn margins(tuning: &Tuning, axes: &[Axis; 2], period: f64) -> Result<[LoopMargin
 }
 
 /// Gains of one robot on another, with the loops they make there. `size` is the factor by which the trajectory's lengths change:
-/// k2 goes with the square of the heading's bandwidth over speed.
+/// k2 goes with the square of the heading's bandwidth over speed. The target's course tells how far it need not be lowered.
 ///
 /// # Errors
 /// [`MigrationError`] where the result would be unsafe.
@@ -141,23 +151,28 @@ pub fn migrate(
     size: f64,
 ) -> Result<(Tuning, [LoopMargin; 2]), MigrationError> {
     let (from, to) = (axes("source", source)?, axes("target", target)?);
+    let fastest = match target.course.iter().map(|at| at.v.abs()).fold(0.0, f64::max) {
+        v if v > 0.0 => v,
+        _ => f64::INFINITY,
+    };
     let tuned = |[v, omega]: [f64; 2]| {
         let [k1, k2, k3] = tuning.k;
-        let k = [k1 * v, k2 * (omega / size).powi(2), k3 * omega];
+        let k3 = k3 * omega;
+        let k = [k1 * v, (k2 * (omega / size).powi(2)).max(k2.min((k3 / fastest).powi(2))), k3];
         Tuning { k, kv: tuning.kv * v, kw: tuning.kw * omega, sigma: tuning.sigma }
     };
+    // The effective gain is not quite proportional to the gains, so the factor that makes it a share of the bound is found by bisection.
+    let factor = |i: usize, share: f64| {
+        let used = |factor: f64| margins(&tuned([factor; 2]), &to, target.period).map_or(f64::INFINITY, |m| m[i].gain / m[i].bound);
+        bisect(|factor| used(factor) - share)
+    };
+    let not_needlessly_lower = |i: usize, wanted: f64| if wanted < 1.0 { wanted.max(factor(i, RINGS).min(1.0)) } else { wanted };
     let migrated = match rule {
         GainRule::Kept => *tuning,
-        GainRule::Scaled => tuned([source.period / target.period; 2]),
+        GainRule::Scaled => tuned([0, 1].map(|i| not_needlessly_lower(i, source.period / target.period))),
         GainRule::Retuned => {
             let there = margins(tuning, &from, source.period)?;
-            // The effective gain is not quite proportional to the gains, so the factor is found by bisection.
-            let factor = |i: usize| {
-                let share = there[i].gain / there[i].bound;
-                let used = |factor: f64| margins(&tuned([factor; 2]), &to, target.period).map_or(f64::INFINITY, |m| m[i].gain / m[i].bound);
-                bisect(|factor| used(factor) - share)
-            };
-            tuned([factor(0), factor(1)])
+            tuned([0, 1].map(|i| not_needlessly_lower(i, factor(i, there[i].gain / there[i].bound))))
         }
     };
     let margins = margins(&migrated, &to, target.period)?;

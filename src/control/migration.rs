@@ -13,9 +13,9 @@ use wheelwright_core::identification::{Identification, identify};
 use wheelwright_core::recording::Recording;
 use wheelwright_core::robot::Live;
 use wheelwright_core::solver::{Problem, Solver};
-use wheelwright_core::trajectory::TrajectoryConfig;
+use wheelwright_core::trajectory::{TrajectoryConfig, course};
 
-use super::run::{Outcome, TrackRun};
+use super::run::{Outcome, TrackRun, sized};
 use super::section::TrackSection;
 use crate::error::Error;
 
@@ -114,9 +114,11 @@ impl Migration<'_> {
     /// The gains on the target and the loops they make there.
     ///
     /// # Errors
-    /// [`Error::Migration`] where it would be unsafe.
+    /// [`Error::Migration`] where it would be unsafe; [`Error`] of the trajectory.
     pub fn gains(&self) -> Result<(Tuning, [LoopMargin; 2]), Error> {
-        Ok(migrate(&self.tuning, self.source, self.target, self.rule, self.section.size)?)
+        let (trajectory, _, duration) = sized(self.trajectory, self.section, &self.target.envelope)?;
+        let target = Subject { course: course(&trajectory, duration), ..self.target.clone() };
+        Ok(migrate(&self.tuning, self.source, &target, self.rule, self.section.size)?)
     }
 
     /// The adaptive controller of the migrated gains.

@@ -7,7 +7,7 @@ use wheelwright_core::drive::{DriveError, DriveOptions};
 use wheelwright_core::recording::Recording;
 use wheelwright_core::robot::Live;
 use wheelwright_core::tracking::{TrackLog, Tracked, start_pose, track};
-use wheelwright_core::trajectory::{Placed, Trajectory, TrajectoryConfig, course, pace_within};
+use wheelwright_core::trajectory::{Envelope, Placed, Trajectory, TrajectoryConfig, course, pace_within};
 
 use super::section::{Pace, Start, TrackSection};
 use crate::error::Error;
@@ -89,8 +89,7 @@ impl TrackRun<'_> {
     /// # Errors
     /// [`Error`] for a setting that is wrong, or danger that is foreseen.
     pub fn ready(&self, robot: &Live) -> Result<Ready, Error> {
-        let (trajectory, pace) = self.sized()?;
-        let duration = self.duration(&trajectory)?;
+        let (trajectory, pace, duration) = self.sized()?;
         let course = course(&trajectory, duration);
         let subject = Subject { period: robot.period(), course, ..self.subject.clone() };
         let controller = self.controller.build(&subject).map_err(Error::Control)?;
@@ -102,37 +101,34 @@ impl TrackRun<'_> {
         Ok(Ready { controller, trajectory, start: self.section.start, pace, duration, off_course, concerns, period: subject.period })
     }
 
-    /// The trajectory in the size and at the pace at which it is to be followed, and that pace.
+    /// The trajectory as [`sized`], its pace, and the length of the run \[s\].
     ///
     /// # Errors
-    /// [`Error::Trajectory`], or [`Error::Config`] for an impossible size or pace.
-    pub fn sized(&self) -> Result<(Placed, f64), Error> {
-        let (section, subject) = (self.section, self.subject);
-        positive("track.size", section.size)?;
-        positive("track.fill", section.fill)?;
-        let built = || self.trajectory.build(&subject.envelope).map_err(Error::Trajectory);
-        let scaled = Placed::new(built()?).scaled(section.size);
-        let pace = match section.pace {
-            Pace::Factor(factor) => {
-                positive("track.pace", factor)?;
-                factor
-            }
-            Pace::Limits(_) => {
-                pace_within(&scaled, self.section.duration.unwrap_or(0.0).max(scaled.duration()), &subject.envelope, section.fill)
-            }
-        };
-        Ok((scaled.paced(pace), pace))
+    /// As [`sized`].
+    pub fn sized(&self) -> Result<(Placed, f64, f64), Error> {
+        sized(self.trajectory, self.section, &self.subject.envelope)
     }
+}
 
-    /// Length of the run \[s\].
-    ///
-    /// # Errors
-    /// [`Error::Config`] if it is not a positive number.
-    pub fn duration(&self, trajectory: &dyn Trajectory) -> Result<f64, Error> {
-        let duration = self.section.duration.unwrap_or_else(|| trajectory.duration());
-        positive("track.duration", duration)?;
-        Ok(duration)
-    }
+/// A trajectory in the size and at the pace at which a section has it followed, that pace, and the length of the run \[s\].
+///
+/// # Errors
+/// [`Error::Trajectory`], or [`Error::Config`] for an impossible size, pace or duration.
+pub fn sized(trajectory: &dyn TrajectoryConfig, section: &TrackSection, envelope: &Envelope) -> Result<(Placed, f64, f64), Error> {
+    positive("track.size", section.size)?;
+    positive("track.fill", section.fill)?;
+    let scaled = Placed::new(trajectory.build(envelope).map_err(Error::Trajectory)?).scaled(section.size);
+    let pace = match section.pace {
+        Pace::Factor(factor) => {
+            positive("track.pace", factor)?;
+            factor
+        }
+        Pace::Limits(_) => pace_within(&scaled, section.duration.unwrap_or(0.0).max(scaled.duration()), envelope, section.fill),
+    };
+    let paced = scaled.paced(pace);
+    let duration = section.duration.unwrap_or_else(|| paced.duration());
+    positive("track.duration", duration)?;
+    Ok((paced, pace, duration))
 }
 
 impl Start {

@@ -43,9 +43,8 @@ pub fn simulate(run: &TrackRun<'_>, controller: &AdaptiveConfig, section: &Simul
     if !(section.step.is_finite() && section.step > 0.0) {
         return Err(Error::setting("simulation.step", format!("must be a positive number of seconds, not {}", section.step)));
     }
-    let (trajectory, pace) = run.sized()?;
+    let (trajectory, pace, duration) = run.sized()?;
     let trajectory = run.section.start.lay(trajectory, [0.0; 3]);
-    let duration = run.duration(&trajectory)?;
     let subject = Subject { period: section.step, course: course(&trajectory, duration), ..run.subject.clone() };
     let mut start = Continuous::perfect_start(&trajectory);
     let [ahead, left, turned] = section.offset;
