@@ -9,19 +9,21 @@ mod cases;
 mod errata;
 
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use cases::{CASES, Case, Kind, Verdict};
 use wheelwright::config::Config;
 use wheelwright::control::migration::learn;
 use wheelwright::control::plan::{ControlPlan, knowledge};
 use wheelwright::control::run::Outcome;
-use wheelwright::core::Recording;
 use wheelwright::core::controller::Subject;
 use wheelwright::core::drive::{DriveOptions, drive};
 use wheelwright::core::identification::Identification;
 use wheelwright::core::robot::Live;
 use wheelwright::core::trajectory::Envelope;
+use wheelwright::core::{Recording, RegressorModel};
 use wheelwright::registry::{Registry, RobotFailure};
+use wheelwright::report::figures;
 use wheelwright::report::page::{Page, escape};
 use wheelwright::report::table::Table;
 use wheelwright::report::track::{distance, parameters, plane};
@@ -29,7 +31,7 @@ use wheelwright::report::track::{distance, parameters, plane};
 /// What a case gave.
 pub(crate) enum Ran {
     Tracked(Box<Outcome>),
-    Identified(Box<Identification>),
+    Identified(Box<Identification>, Arc<dyn RegressorModel>),
     Driven(Box<Recording>),
 }
 
@@ -81,7 +83,8 @@ fn run(case: &Case) -> Result<Ran, Box<dyn std::error::Error>> {
     let solver = registry.solver(config.sections.solver.clone().unwrap_or_default())?;
     let known = knowledge(&config, &registry, "model", config.sections.model.clone().unwrap_or_default())?;
     let subject: Subject = known.subject(Vec::new(), None, Envelope::default());
-    Ok(Ran::Identified(Box::new(learn(&mut robot, &*excitation, &subject, &*solver, DriveOptions::default())?)))
+    let found = learn(&mut robot, &*excitation, &subject, &*solver, DriveOptions::default())?;
+    Ok(Ran::Identified(Box::new(found), subject.model))
 }
 
 fn page(results: &Results, verdicts: &[(String, Verdict)]) -> String {
@@ -93,7 +96,7 @@ fn page(results: &Results, verdicts: &[(String, Verdict)]) -> String {
     );
     let mut table = Table::new(&["Figure or table", "The thesis", "Here", "Verdict"]);
     for (case, (ours, verdict)) in CASES.iter().zip(verdicts) {
-        let name = format!("<a href=\"#{}\">{}</a>", case.file.trim_end_matches(".toml"), escape(case.name));
+        let name = format!("<a href=\"#{}\">{}</a>", case.anchor(), escape(case.name));
         let wrapped = |html: String| format!("<div style=\"white-space:normal;min-width:11em\">{html}</div>");
         let verdict = format!("<b>{}</b>{}", verdict.word(), verdict.why());
         table.row(vec![name, wrapped(escape(case.states)), wrapped(escape(ours)), wrapped(verdict)]);
@@ -101,17 +104,21 @@ fn page(results: &Results, verdicts: &[(String, Verdict)]) -> String {
     page.section("overview", "All of them", &table.html());
     page.section("errata", "What the printed formulas would give", &errata::html());
     for ((case, (_, ran)), (ours, _)) in CASES.iter().zip(results).zip(verdicts) {
-        let Ran::Tracked(outcome) = ran else { continue };
+        let (verb, shown) = match ran {
+            Ran::Tracked(outcome) => ("track", plane(&[("actual", outcome)]) + &distance(&outcome.log).html() + &parameters(outcome)),
+            Ran::Identified(found, model) => ("run", figures(&**model, found)),
+            // Its steady speeds stand in the table.
+            Ran::Driven(_) => ("record", String::new()),
+        };
+        let set: String = case.set.iter().map(|setting| format!(" --set '{setting}'")).collect();
         let text = format!(
-            "<p>The thesis: {}<br>Here: {}</p>\n{}{}{}<p class=\"note\"><code>wheelwright track examples/thesis/{}</code></p>",
+            "<p>The thesis: {}<br>Here: {}</p>\n{shown}<p class=\"note\"><code>wheelwright {verb} examples/thesis/{}{}</code></p>",
             escape(case.states),
             escape(ours),
-            plane(&[("actual", outcome)]),
-            distance(&outcome.log).html(),
-            parameters(outcome),
-            escape(case.file)
+            escape(case.file),
+            escape(&set)
         );
-        page.section(case.file.trim_end_matches(".toml"), case.name, &text);
+        page.section(&case.anchor(), case.name, &text);
     }
     page.finish("Made by the example `thesis` of wheelwright.")
 }

@@ -227,7 +227,8 @@ mod tests {
         };
         view.update(&at(4.0, 0.0482));
         view.update(&at(5.0, 0.0123));
-        let text = view.text(&at(5.0, 0.0123));
+        // A number and its unit are joined by a narrow space.
+        let text = view.text(&at(5.0, 0.0123)).replace(crate::report::number::THIN, " ");
         assert!(text.contains("distance error: 12.3 mm now, 48.2 mm at most"), "{text}");
         assert!(text.contains("15.0 s left, ctrl-C stops") && text.contains("measured    0.2900"), "{text}");
         assert_eq!(view.visited(), None);

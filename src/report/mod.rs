@@ -135,6 +135,11 @@ pub fn html(input: &ReportInput<'_>) -> String {
     html_with(input, &[])
 }
 
+/// What an identification did with its data: the free run beside the measurement and, where the solver made one, the regression.
+pub fn figures(model: &dyn RegressorModel, found: &Identification) -> String {
+    fit::html(model, &found.train, "training") + &regression::html(model, &found.solution)
+}
+
 /// A part of a page: anchor, heading and body, which is HTML.
 pub type Section<'a> = (&'a str, &'a str, String);
 

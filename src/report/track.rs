@@ -14,6 +14,8 @@ use crate::report::table::{Table, facts};
 
 /// Width of a picture of the plane in CSS pixels.
 const PLANE: f64 = 560.0;
+/// Pictures beside each other where there is room.
+const BESIDE: &str = "display:grid;grid-template-columns:repeat(auto-fit,minmax(24em,1fr));gap:0 1.5em";
 /// Points that a curve in the plane keeps.
 const CURVE: usize = 1500;
 /// Rows kept of several runs on one axis.
@@ -58,9 +60,11 @@ impl TrackPage<'_> {
                 page.push(&comparison(runs));
                 let named: Vec<(&str, &Outcome)> = runs.iter().map(|(name, o)| (name.as_str(), *o)).collect();
                 page.section("distance", "Distance error", &together(&named).html());
-                let pictures =
-                    named.iter().map(|(name, o)| format!("<h3>{}</h3>\n{}{}", escape(name), warnings(o), plane(&[("actual", o)])));
-                page.section("trajectory", "Trajectories", &pictures.collect::<String>());
+                let picture = |(name, o): &(&str, &Outcome)| {
+                    format!("<div><h3>{}</h3>\n{}{}</div>", escape(name), plane(&[("actual", o)]), warnings(o))
+                };
+                let pictures = named.iter().map(picture).collect::<String>();
+                page.section("trajectory", "Trajectories", &format!("<div style=\"{BESIDE}\">{pictures}</div>"));
                 let adapted = named.iter().map(|(name, o)| (name, parameters(o))).filter(|(_, html)| !html.is_empty());
                 let adapted = adapted.map(|(name, html)| format!("<h3>{}</h3>\n{html}", escape(name)));
                 page.section("parameters", "Parameters over time", &adapted.collect::<String>());
