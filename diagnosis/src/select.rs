@@ -18,6 +18,8 @@ use crate::screen::{Candidate, Current, Projected, Projection, Response, respons
 
 /// Most effects of one explanation.
 const MOST: usize = 3;
+/// The same where an effect is found part by part, one side or axis after the other.
+const MOST_PARTS: usize = 2 * MOST;
 /// Effects, and starts of each, that are simulated again beside the effects of a model.
 const RESIMULATED: (usize, usize) = (12, 3);
 /// Effects that enter the race after screening.
@@ -133,6 +135,11 @@ fn even(start: &Start) -> bool {
     start.values.windows(2).all(|w| w[0] == w[1])
 }
 
+/// Whether one family is the other or a part of it.
+fn related(a: &str, b: &str) -> bool {
+    a.split('/').zip(b.split('/')).all(|(a, b)| a == b)
+}
+
 /// The first places, best first: each effect once, and not too many variants of one name.
 fn thinned<'s, 'a>(racing: Vec<Racing<'s, 'a>>, places: usize) -> Vec<Racing<'s, 'a>> {
     let mut kept: Vec<Racing<'s, 'a>> = Vec::with_capacity(places);
@@ -175,12 +182,24 @@ impl<'a> Search<'a> {
         Runner::new(&self.setting, &self.effects(indices), at).ok()
     }
 
+    /// Whether an effect may stand beside others: none of them is of its family.
+    fn joins(&self, effect: usize, members: &[usize]) -> bool {
+        members.iter().all(|m| !related(self.effect(*m).family(), self.effect(effect).family()))
+    }
+
+    /// How many causes a model has: parts of one, a side or an axis each, count once.
+    fn causes(&self, members: &[usize]) -> usize {
+        let mut names: Vec<&str> = members.iter().map(|m| self.effect(*m).name()).collect();
+        names.sort_unstable();
+        names.dedup();
+        names.len()
+    }
+
     /// Raw responses of all effects that may join a model.
     pub(crate) fn respond(&self, state: &State) -> Vec<Response> {
         let effects = self.effects(&state.effects);
         let current = Current { setting: &self.setting, effects: &effects, fit: &state.fit };
-        let families: Vec<&str> = effects.iter().map(|e| e.family()).collect();
-        let may = |i: &&usize| !families.contains(&self.effect(**i).family());
+        let may = |i: &&usize| self.joins(**i, &state.effects);
         let library: Vec<(usize, &dyn Effect)> = self.open.iter().filter(may).map(|i| (*i, self.effect(*i))).collect();
         responses(&current, &library)
     }
@@ -208,9 +227,8 @@ impl<'a> Search<'a> {
     pub(crate) fn screen(&self, state: &State, whitening: &Whitening, responses: &[Response]) -> Vec<Vec<Candidate>> {
         let projection = self.projection(state, whitening);
         let mut by_effect: Vec<Vec<Candidate>> = Vec::new();
-        let families: Vec<&str> = state.effects.iter().map(|i| self.effect(*i).family()).collect();
         let mut known = Projected::default();
-        for (index, response) in responses.iter().enumerate().filter(|(_, r)| !families.contains(&self.effect(r.effect).family())) {
+        for (index, response) in responses.iter().enumerate().filter(|(_, r)| self.joins(r.effect, &state.effects)) {
             if by_effect.last().is_none_or(|c| c[0].effect != response.effect) {
                 known = Projected::default();
             }
@@ -389,7 +407,10 @@ impl<'a> Search<'a> {
         let mut selected =
             Selected { base: base.fit.clone(), state: known.unwrap_or(base), whitening, rivals: Vec::new(), ranking: Vec::new() };
         selected.rivals.resize(self.fixed(&selected), Vec::new());
-        for depth in 0..MOST {
+        for depth in 0..MOST_PARTS {
+            if self.causes(&selected.state.effects) >= MOST {
+                break;
+            }
             let fresh;
             let responses = if selected.state.effects.is_empty() {
                 first

@@ -47,7 +47,7 @@ pub fn answer(found: &Diagnosis, warnings: &[String]) -> Value {
     json!({
         "schema": "wheelwright.diagnose/1",
         "verdict": found.verdict,
-        "effects": found.effects.iter().map(effect).collect::<Vec<_>>(),
+        "effects": effects(&found.effects),
         "where": location(&found.location),
         "fit": {
             "before": by_output(&fit.before),
@@ -58,7 +58,7 @@ pub fn answer(found: &Diagnosis, warnings: &[String]) -> Value {
         "next_experiment": found.next_experiment.as_ref().map(experiment),
         "warnings": warnings,
         "headline": found.headline,
-        "partial": found.partial.iter().map(effect).collect::<Vec<_>>(),
+        "partial": effects(&found.partial),
         "waterfall": found.waterfall.iter().map(|r| json!({ "effects": r.effects, "fit": by_output(&r.fit) })).collect::<Vec<_>>(),
         "untestable": found.untestable,
         "base": found.base.iter().map(|p| json!({
@@ -69,16 +69,35 @@ pub fn answer(found: &Diagnosis, warnings: &[String]) -> Value {
     })
 }
 
-fn effect(finding: &Finding) -> Value {
-    json!({
-        "name": finding.name,
-        "statement": finding.statement,
-        "parameters": finding.parameters.iter().map(parameter).collect::<Vec<_>>(),
-        "evidence": { "delta_bic": finding.delta_bic, "holdout_gain": finding.holdout_gain },
-        "alternatives": finding.alternatives.iter().map(|a| &a.name).collect::<Vec<_>>(),
-        "alternatives_why": finding.alternatives,
-        "place": finding.place,
-    })
+/// Each effect once: what was found of it on several sides or axes is put together.
+fn effects(findings: &[Finding]) -> Vec<Value> {
+    let mut names: Vec<&str> = Vec::new();
+    for finding in findings {
+        if !names.contains(&finding.name.as_str()) {
+            names.push(&finding.name);
+        }
+    }
+    let of = |name: &&str| findings.iter().filter(|f| f.name == *name).collect::<Vec<_>>();
+    names.iter().map(of).filter_map(|parts| effect(&parts)).collect()
+}
+
+fn effect(parts: &[&Finding]) -> Option<Value> {
+    let first = parts.first()?;
+    let statements: Vec<&str> = parts.iter().map(|p| p.statement.as_str()).collect();
+    let gains: Option<Vec<f64>> = parts.iter().map(|p| p.holdout_gain).collect();
+    let alternatives = || parts.iter().flat_map(|p| &p.alternatives);
+    Some(json!({
+        "name": first.name,
+        "statement": statements.join("; and "),
+        "parameters": parts.iter().flat_map(|p| &p.parameters).map(parameter).collect::<Vec<_>>(),
+        "evidence": {
+            "delta_bic": parts.iter().map(|p| p.delta_bic).sum::<f64>(),
+            "holdout_gain": gains.map(|gains| gains.iter().sum::<f64>()),
+        },
+        "alternatives": alternatives().map(|a| &a.name).collect::<Vec<_>>(),
+        "alternatives_why": alternatives().collect::<Vec<_>>(),
+        "place": first.place,
+    }))
 }
 
 /// A parameter with its side or axis as a key of its own: `"wheel": "left"`.

@@ -79,8 +79,9 @@ pub struct Summary {
 impl<'a> Score<'a> {
     /// Judges every case of a key.
     pub fn new(key: &'a Key, answers: &[Answer], without: &[String]) -> Self {
+        let whole = |family: &str| family.split('/').next().unwrap_or(family).to_owned();
         let families: BTreeMap<String, String> =
-            wheelwright_diagnosis::effects::library().iter().map(|e| (e.name().to_owned(), e.family().to_owned())).collect();
+            wheelwright_diagnosis::effects::library().iter().map(|e| (e.name().to_owned(), whole(e.family()))).collect();
         let by_name: BTreeMap<&str, &Answer> = answers.iter().map(|a| (a.case.as_str(), a)).collect();
         let known: BTreeSet<&str> = key.cases.iter().map(|c| c.case.as_str()).collect();
         let cases = key.cases.iter().map(|case| judge(case, by_name.get(case.case.as_str()).copied(), without, &families));

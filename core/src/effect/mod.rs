@@ -225,7 +225,7 @@ pub trait Effect: Debug + Send + Sync {
         0
     }
 
-    /// Sets the state at the start of a stretch, from the first command and the initial outputs.
+    /// Sets the state at the start of a stretch, from the command [before](Instant::before) it and the initial outputs.
     fn begin(&self, _p: &[f64], _at: &Instant<'_>, _inputs: &[f64], _outputs: &[f64], state: &mut [f64]) {
         state.fill(0.0);
     }

@@ -7,6 +7,9 @@ use crate::simulation::Readout;
 
 use super::Frame;
 
+/// Share of an output's root mean square below which it counts as none at the start of a stretch: noise of a few percent.
+const STANDING: f64 = 0.1;
+
 /// Typical sizes in the recording that is diagnosed: search ranges and the width of a friction's kink are shares of them.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Scales {
@@ -37,6 +40,8 @@ pub struct Track {
     pub heading: Vec<f64>,
     /// Distance that each wheel had rolled at each sample \[m\]: left, right.
     pub distance: [Vec<f64>; 2],
+    /// Whether the robot stood still when the stretch began: then nothing was commanded before.
+    pub from_rest: bool,
 }
 
 /// A data set as effects see it.
@@ -84,9 +89,16 @@ impl Scene {
         data.stretches.iter().enumerate().map(|(s, stretch)| self.track(stretch, headings.and_then(|h| h.get(s)))).collect()
     }
 
+    /// Whether the robot stands still when a stretch begins, by its first outputs.
+    pub fn from_rest(&self, stretch: &Stretch) -> bool {
+        let slow = |(values, typical): (&Vec<f64>, &f64)| values.first().is_some_and(|first| first.abs() < STANDING * typical);
+        stretch.outputs.iter().zip(&self.scales.outputs).all(slow)
+    }
+
     fn track(&self, stretch: &Stretch, heading: Option<&Vec<f64>>) -> Track {
+        let from_rest = self.from_rest(stretch);
         if !self.frame.has_wheels() {
-            return Track::default();
+            return Track { from_rest, ..Track::default() };
         }
         let pair = |k: usize| [stretch.outputs[0][k], stretch.outputs[1][k]];
         let integral = |of: &dyn Fn(usize) -> f64| {
@@ -103,6 +115,7 @@ impl Scene {
         Track {
             heading: heading.cloned().unwrap_or_else(|| integral(&|k| self.frame.body(&pair(k))[1])),
             distance: [0, 1].map(|side| integral(&|k| self.frame.wheels(&pair(k))[side])),
+            from_rest,
         }
     }
 }
@@ -166,16 +179,38 @@ impl Instant<'_> {
         }
     }
 
-    /// The command of an input that was held at an earlier time; before the stretch, its first.
+    /// The command of an input before the stretch began: none for a robot that stood still, its first otherwise, for want of
+    /// better knowledge.
+    pub fn before(&self, input: usize) -> f64 {
+        if self.track.from_rest { 0.0 } else { self.stretch.inputs[input][0] }
+    }
+
+    /// The command of an input that was held at an earlier time.
     pub fn held(&self, time: f64, input: usize) -> f64 {
-        self.stretch.inputs[input][self.row_at(time)]
+        if self.precedes(time) { self.before(input) } else { self.stretch.inputs[input][self.row_at(time)] }
+    }
+
+    /// The next time after an earlier one at which the command changed; that of the first command if it lies before the stretch.
+    pub fn next_command(&self, time: f64) -> Option<f64> {
+        if self.precedes(time) {
+            return self.stretch.time.first().copied();
+        }
+        self.stretch.time.get(self.row_at(time) + 1).copied()
+    }
+
+    fn precedes(&self, time: f64) -> bool {
+        self.stretch.time.first().is_some_and(|first| time < first - self.rounding())
+    }
+
+    /// A time that differs from a stamp by rounding is at the stamp: the step has just been cut there.
+    fn rounding(&self) -> f64 {
+        1e-9 * self.scene.scales.period
     }
 
     /// The row whose command is held at a time that is not later than now.
     pub fn row_at(&self, time: f64) -> usize {
         let stamps = &self.stretch.time;
-        // A time that differs from a stamp by rounding is at the stamp: the step has just been cut there.
-        let tolerance = 1e-9 * self.scene.scales.period;
+        let tolerance = self.rounding();
         let mut row = self.row.min(stamps.len() - 1);
         while row > 0 && stamps[row] > time + tolerance {
             row -= 1;

@@ -76,10 +76,7 @@ impl Effect for CommandDelay {
     }
 
     fn next_switch(&self, p: &[f64], at: &Instant<'_>, _state: &[f64]) -> f64 {
-        let next = |delay: &f64| {
-            let row = at.row_at(at.time - delay);
-            at.stretch.time.get(row + 1).map_or(f64::INFINITY, |next| next + delay)
-        };
+        let next = |delay: &f64| at.next_command(at.time - delay).map_or(f64::INFINITY, |next| next + delay);
         p.iter().map(next).fold(f64::INFINITY, f64::min)
     }
 
@@ -89,12 +86,7 @@ impl Effect for CommandDelay {
 
     fn command(&self, p: &[f64], at: &Instant<'_>, _outputs: &[f64], _state: &mut [f64], u: &mut [f64]) {
         // The end of a step belongs to the command before the switch.
-        let row = |delay: f64| at.row_at(at.time - 1e-6 * at.span - delay);
-        if let [delay] = *p {
-            let row = row(delay);
-            u.iter_mut().zip(&at.stretch.inputs).for_each(|(u, column)| *u = column[row]);
-        } else {
-            u.iter_mut().zip(&at.stretch.inputs).zip(p).for_each(|((u, column), delay)| *u = column[row(*delay)]);
-        }
+        let earlier = |delay: f64| at.time - 1e-6 * at.span - delay;
+        u.iter_mut().enumerate().for_each(|(i, u)| *u = at.held(earlier(if p.len() > 1 { p[i] } else { p[0] }), i));
     }
 }

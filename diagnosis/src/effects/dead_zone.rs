@@ -43,6 +43,15 @@ impl Effect for DeadZone {
         Stage::Threshold
     }
 
+    /// What holds on one axis says nothing about the other.
+    fn family(&self) -> &str {
+        match self.axis {
+            Some(Axis::V) => "dead_zone/v",
+            Some(Axis::Omega) => "dead_zone/omega",
+            None => "dead_zone",
+        }
+    }
+
     fn inapplicable(&self, scene: &Scene) -> Option<String> {
         Parts::refuse(scene.frame, self.wheel, self.axis)
     }

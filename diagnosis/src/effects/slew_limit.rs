@@ -43,6 +43,15 @@ impl Effect for SlewLimit {
         Stage::Ramp
     }
 
+    /// What holds on one axis says nothing about the other.
+    fn family(&self) -> &str {
+        match self.axis {
+            Some(Axis::V) => "slew_limit/v",
+            Some(Axis::Omega) => "slew_limit/omega",
+            None => "slew_limit",
+        }
+    }
+
     fn inapplicable(&self, scene: &Scene) -> Option<String> {
         if self.wheels && self.axis.is_some() {
             return Some("it is set to the wheels and to an axis: it acts on one of them".to_owned());

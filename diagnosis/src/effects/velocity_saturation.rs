@@ -41,6 +41,15 @@ impl Effect for VelocitySaturation {
         Stage::Limit
     }
 
+    /// What holds on one axis says nothing about the other.
+    fn family(&self) -> &str {
+        match self.axis {
+            Some(Axis::V) => "velocity_saturation/v",
+            Some(Axis::Omega) => "velocity_saturation/omega",
+            None => "velocity_saturation",
+        }
+    }
+
     fn inapplicable(&self, scene: &Scene) -> Option<String> {
         Parts::refuse(scene.frame, self.wheel, self.axis)
     }

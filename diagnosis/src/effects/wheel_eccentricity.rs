@@ -76,8 +76,8 @@ impl Effect for WheelEccentricity {
     fn family(&self) -> &str {
         match self.wheel {
             None => "wheel_eccentricity",
-            Some(Wheel::Left) => "wheel_eccentricity_left",
-            Some(Wheel::Right) => "wheel_eccentricity_right",
+            Some(Wheel::Left) => "wheel_eccentricity/left",
+            Some(Wheel::Right) => "wheel_eccentricity/right",
         }
     }
 

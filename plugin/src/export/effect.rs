@@ -140,7 +140,7 @@ impl Prepared {
             held.courses.pop_front();
             held.first += 1;
         }
-        held.courses.push_back(Arc::new(course.copy()));
+        held.courses.push_back(Arc::new(course.copy(&self.scene)));
         held.first + held.courses.len() - 1
     }
 
@@ -184,11 +184,12 @@ impl<'a> Course<'a> {
             && right == track.distance[1]
     }
 
-    fn copy(&self) -> (Stretch, Track) {
+    fn copy(&self, scene: &Scene) -> (Stretch, Track) {
         let own = |columns: &[&[f64]]| columns.iter().map(|c| c.to_vec()).collect();
         let [heading, left, right] = self.track.map(<[f64]>::to_vec);
         let stretch = Stretch { label: String::new(), time: self.time.to_vec(), inputs: own(&self.inputs), outputs: own(&self.outputs) };
-        (stretch, Track { heading, distance: [left, right] })
+        let from_rest = scene.from_rest(&stretch);
+        (stretch, Track { heading, distance: [left, right], from_rest })
     }
 }
 

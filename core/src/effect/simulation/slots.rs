@@ -81,14 +81,11 @@ impl<'a> Slots<'a> {
 
     /// Sets all states at the start of a stretch; `u` becomes the command that goes on.
     pub(super) fn begin(&self, at: &Instant<'_>, initial: &[f64], state: &mut [f64], u: &mut [f64]) {
-        arrive(at, u);
+        u.iter_mut().enumerate().for_each(|(i, u)| *u = at.before(i));
         for slot in &self.slots {
-            let state = &mut state[slot.states.clone()];
-            slot.effect.begin(&slot.values, at, u, initial, state);
-            if slot.stage.place() == Place::Command {
-                slot.effect.command(&slot.values, at, initial, state, u);
-            }
+            slot.effect.begin(&slot.values, at, u, initial, &mut state[slot.states.clone()]);
         }
+        self.command(at, initial, state, u);
     }
 
     /// The first time after `after` at which an effect switches, or `end`.
