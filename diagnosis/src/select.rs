@@ -41,6 +41,8 @@ const VARIANTS: usize = 2;
 const HOPELESS: f64 = 4.0;
 /// Share of what the first effects explain that a further one must add: less is the imperfect form of the first.
 const SHARE: f64 = 0.02;
+/// Noise whose past tells a third of its variance could as well be motion.
+const COLOURED: f64 = 1.2;
 /// What an exchange must gain, so that it is no toss of a coin.
 const EXCHANGE: f64 = 2.0;
 
@@ -133,6 +135,11 @@ impl<'s, 'a> Racing<'s, 'a> {
 /// Whether a start has the same value for all parameters.
 fn even(start: &Start) -> bool {
     start.values.windows(2).all(|w| w[0] == w[1])
+}
+
+/// Whether noise is so coloured that a misfit could hide in it.
+fn coloured(noise: &Noise) -> bool {
+    noise.deviation.iter().zip(&noise.innovation).any(|(all, new)| *all > COLOURED * new)
 }
 
 /// Whether one family is the other or a part of it.
@@ -411,27 +418,56 @@ impl<'a> Search<'a> {
             if self.causes(&selected.state.effects) >= MOST {
                 break;
             }
-            let fresh;
-            let responses = if selected.state.effects.is_empty() {
-                first
-            } else {
-                fresh = self.respond_again(&selected.state, &selected.whitening, first);
-                &fresh
-            };
-            let screened = self.screen(&selected.state, &selected.whitening, responses);
-            let refined = self.refine(&selected.state, &selected.whitening, &screened, responses, ENTRANTS, RACE);
+            let (ranking, mut joined) = self.round(&selected, first);
             if depth == 0 {
-                selected.ranking = self.ranking(&screened, &refined);
+                selected.ranking = ranking;
             }
-            // Candidates that lose their evidence under their own noise make room for the next.
-            let joined = (0..refined.len().min(2)).filter(|i| refined[*i].score > 0.0).find_map(|i| self.join(&selected, &refined, i));
-            let Some(joined) = joined else { break };
-            selected = joined;
+            if joined.is_none() && coloured(&selected.whitening.noise) {
+                joined = self.plainly(&selected).and_then(|plain| self.round(&plain, first).1);
+            }
+            let Some(next) = joined else { break };
+            selected = Selected { ranking: selected.ranking, ..next };
             if selected.state.effects.len() > 1 {
                 self.exchange(&mut selected, first);
             }
         }
         Ok(selected)
+    }
+
+    /// What every effect is worth beside a model, and the model with the best that holds its evidence under the noise it leaves: a
+    /// candidate that loses it makes room for the next.
+    fn round(&self, selected: &Selected, first: &[Response]) -> (Vec<(usize, f64)>, Option<Selected>) {
+        let fresh;
+        let responses = if selected.state.effects.is_empty() {
+            first
+        } else {
+            fresh = self.respond_again(&selected.state, &selected.whitening, first);
+            &fresh
+        };
+        let screened = self.screen(&selected.state, &selected.whitening, responses);
+        let refined = self.refine(&selected.state, &selected.whitening, &screened, responses, ENTRANTS, RACE);
+        if std::env::var("DBG").is_ok() {
+            eprintln!("round members {:?} noise {:?} {:?}", selected.state.effects.iter().map(|i| self.effect(*i).name()).collect::<Vec<_>>(), selected.whitening.noise.innovation, selected.whitening.noise.deviation);
+            for c in screened.iter().take(8) { eprintln!("  screened {} {:?} gain {:.1}", self.effect(c[0].effect).name(), responses[c[0].response].start.values, c[0].gain); }
+            for r in &refined { eprintln!("  refined {} {:?} score {:.1} {:?}", self.effect(r.effect).name(), crate::finding::settings(self.effect(r.effect)), r.score, &r.fit.point.x); }
+        }
+        let joined = (0..refined.len().min(2)).filter(|i| refined[*i].score > 0.0).find_map(|i| self.join(selected, &refined, i));
+        (self.ranking(&screened, &refined), joined)
+    }
+
+    /// The same model under noise of no colour, for a second look: a misfit that remains passes for coloured noise, and that noise hides it.
+    /// What noise really is so coloured is found out when a candidate has to hold its evidence.
+    fn plainly(&self, selected: &Selected) -> Option<Selected> {
+        let noise = Noise::white(&self.setting.scene.scales.outputs, &self.setting.layout);
+        let effects = selected.state.effects.clone();
+        let (whitening, fit) = self.under(&effects, &selected.state.fit, &noise, COMPARING)?;
+        Some(Selected {
+            state: State { effects, fit },
+            whitening,
+            base: selected.base.clone(),
+            rivals: selected.rivals.clone(),
+            ranking: Vec::new(),
+        })
     }
 
     fn ranking(&self, screened: &[Vec<Candidate>], refined: &[Refined]) -> Vec<(usize, f64)> {
@@ -456,6 +492,9 @@ impl<'a> Search<'a> {
         let score = gain - self.penalty(freedom);
         let base = if selected.state.effects.is_empty() { without } else { self.under(&[], &selected.base, &noise, COMPARING)?.1 };
         let explained = likelihood(&with) - likelihood(&base) - gain;
+        if std::env::var("DBG").is_ok() {
+            eprintln!("  join {} score {score:.1} explained {explained:.1} noise {:?}", self.effect(candidate.effect).name(), noise.innovation);
+        }
         (score > 0.0 && score >= SHARE * explained).then(|| Selected {
             state: State { effects, fit: with },
             whitening,
