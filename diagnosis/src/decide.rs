@@ -38,9 +38,7 @@ pub(crate) fn decide(weighed: Weighed<'_>) -> Decided {
     let Weighed { mut findings, track, flags, transfer, mut warnings, effects, scene } = weighed;
     // What acts on the noise alone shows in the tests and not in the likelihood.
     let left: Vec<&Flag> = flags.iter().filter(|f| f.left_over.is_some_and(|share| share > LEFT_OVER)).collect();
-    // Where any motion is left over, noise that looks like an effect may be that motion.
-    let still = flags.iter().all(|f| f.left_over.is_none());
-    for flag in flags.iter().filter(|f| f.left_over.is_none() && still) {
+    for flag in flags.iter().filter(|f| f.left_over.is_none()) {
         let Some((name, values)) = &flag.effect else { continue };
         if !findings.iter().any(|f| f.name == *name) {
             findings.extend(of_noise(name, values, flag, effects, scene));

@@ -1,11 +1,11 @@
 //! From what a fit leaves to flags that a verdict can weigh.
 
 use nalgebra::DMatrix;
-use wheelwright_core::effect::{Frame, Scene};
+use wheelwright_core::effect::Scene;
 use wheelwright_core::model::ModelError;
 use wheelwright_core::simulation::linear_part;
 
-use super::{Adequacy, Lattice, examine, structure};
+use super::{Adequacy, examine, structure};
 use crate::comparison::{Channels, Comparison};
 use crate::finding::Location;
 use crate::locate::locate;
@@ -72,23 +72,6 @@ pub fn review(
 /// Share of the noise's variance that rounding to a lattice, quantum²/12, must make before it counts as something left out.
 const QUANTISED: f64 = 0.1;
 
-/// Difference of two outputs' lattices that errors of the track width and of the quanta make.
-const ONE_LATTICE: f64 = 0.05;
-
-/// Travel of a wheel between two counts, if the lattices of the outputs are those of counted wheels: forward speed is the mean of two wheels'
-/// and moves by half a count a sample, turning by its share of the track. Outputs that are rounded each by itself have a readout of few
-/// digits, which is a noise.
-fn counts(lattices: &[Lattice], scene: &Scene) -> Option<f64> {
-    let [first, second] = lattices else { return None };
-    let lever = |output: usize| match (scene.frame, output) {
-        (Frame::Body { .. }, 0) => 2.0,
-        (Frame::Body { half_track }, _) => 2.0 * half_track,
-        _ => 1.0,
-    };
-    let [a, b] = [first, second].map(|l| lever(l.output) * l.quantum * scene.scales.period);
-    (scene.frame.has_wheels() && (a / b - 1.0).abs() < ONE_LATTICE).then_some(0.5 * (a + b))
-}
-
 /// One flag a test that found something.
 fn flags(found: &Adequacy, comparison: &Comparison<'_>, explained: f64) -> Vec<Flag> {
     let sentences = found.sentences(comparison);
@@ -110,13 +93,14 @@ fn flags(found: &Adequacy, comparison: &Comparison<'_>, explained: f64) -> Vec<F
     if let Some(jitter) = &found.jitter {
         flag("variance against acceleration", jitter.z, 0.0, None, Some(("timestamp_jitter".to_owned(), vec![jitter.deviation])));
     }
-    let counts = counts(&found.lattices, comparison.scene);
     for lattice in &found.lattices {
-        // Counting that other noise covers is no physics that a simulation would miss.
         let share = (lattice.quantum / comparison.noise[lattice.output]).powi(2) / 12.0;
-        let travel = counts.filter(|_| share > QUANTISED);
-        let effect = travel.map(|travel| ("encoder_quantisation".to_owned(), vec![travel]));
-        flag("value lattice", share, QUANTISED, None, effect);
+        flag("value lattice", share, QUANTISED, None, None);
+    }
+    if let Some(counts) = &found.counts {
+        // Counting that other noise covers is no physics that a simulation would miss.
+        let effect = (counts.share > QUANTISED).then(|| ("encoder_quantisation".to_owned(), vec![counts.travel]));
+        flag("counts of the wheels", counts.share, QUANTISED, None, effect);
     }
     all
 }

@@ -12,7 +12,7 @@ pub mod structure;
 pub use bursts::Burst;
 pub use flags::review;
 pub use jitter::Jitter;
-pub use lattice::Lattice;
+pub use lattice::{Counts, Lattice};
 pub use orders::OrderLine;
 pub use structure::Structure;
 
@@ -31,6 +31,8 @@ pub struct Adequacy {
     pub jitter: Option<Jitter>,
     /// Outputs that are multiples of a quantum.
     pub lattices: Vec<Lattice>,
+    /// Wheels whose speeds are counts of an encoder.
+    pub counts: Option<Counts>,
 }
 
 /// Runs the tests. The same seed gives the same answer.
@@ -42,6 +44,7 @@ pub fn examine(comparison: &Comparison<'_>, seed: u64) -> Adequacy {
         order: orders::find(comparison),
         jitter,
         lattices: lattice::find(comparison),
+        counts: lattice::counts(comparison),
     }
 }
 
@@ -68,6 +71,9 @@ impl Adequacy {
         for lattice in &self.lattices {
             let unit = &comparison.data.outputs[lattice.output].unit;
             all.push(format!("values of {} are multiples of {:.3e} {unit}", name(lattice.output), lattice.quantum));
+        }
+        if let Some(counts) = &self.counts {
+            all.push(format!("the wheels' speeds come in counts of {:.3e} m of travel", counts.travel));
         }
         all
     }
