@@ -172,7 +172,7 @@ fn whitened(setting: &Setting<'_>, rough: &Fit, responses: &[Response]) -> Resul
     for (c, unit) in units.iter().enumerate() {
         residual[setting.layout.output(c)].iter_mut().for_each(|x| *x *= unit);
     }
-    let noise = Noise::estimate(&residual, &setting.layout, (taken + whitening.taken()) as f64, &setting.floor);
+    let noise = Noise::estimate(&residual, &setting.layout, taken as f64 + whitening.taken(), &setting.floor);
     renew(setting, &mut runner, noise, &again, Effort { trials: 12, worthwhile: 0.05, target: f64::NEG_INFINITY }).ok_or_else(lost)
 }
 

@@ -393,7 +393,7 @@ impl<'a> Search<'a> {
             return None;
         }
         residual.iter_mut().zip(&self.setting.measured).for_each(|(r, y)| *r = y - *r);
-        let taken = (fit.rank(&self.setting) + whitening.taken()) as f64;
+        let taken = fit.rank(&self.setting) as f64 + whitening.taken();
         Some(Noise::estimate(&residual, &self.setting.layout, taken, &self.setting.floor))
     }
 

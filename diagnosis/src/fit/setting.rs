@@ -145,6 +145,11 @@ impl<'s, 'a> Runner<'s, 'a> {
         Ok(Self { setting, simulator, parameters, buffer: vec![Vec::new(); setting.layout.outputs()] })
     }
 
+    /// First sample of each output of a stretch.
+    pub(crate) fn firsts(&self, stretch: usize) -> Vec<f64> {
+        self.setting.data.stretches[stretch].outputs.iter().map(|c| c[0]).collect()
+    }
+
     /// Root mean square of each output.
     pub(crate) fn scales(&self) -> &[f64] {
         &self.setting.scene.scales.outputs

@@ -1,7 +1,11 @@
 //! Whitened values with the initial outputs taken out: what every fit and every score works on.
 //!
-//! The initial outputs of a stretch touch no other stretch, so they are eliminated stretch by stretch: values are projected on the
-//! complement of the whitened responses to them.
+//! The initial outputs of a stretch touch no other stretch, so they are eliminated stretch by stretch. They were measured, if with errors
+//! that are not those of the other samples (a late sensor, a mean over an interval): with deviation τ about the first sample and whitened
+//! responses B, values have the covariance I + B τ² Bᵀ, and are whitened by the inverse of its root. Along a direction u of B with
+//! singular value s that is the factor 1/√(1 + s²): what the starts can do counts the less, the better the data show them.
+
+use nalgebra::DMatrix;
 
 use super::algebra::{add, dot};
 use super::layout::Layout;
@@ -10,6 +14,10 @@ use crate::noise::Noise;
 
 /// Responses to an initial output below this share of their peak no longer count: they have decayed.
 const DECAYED: f64 = 1e-6;
+/// Share of an output's root mean square by which an initial output may differ from the first sample.
+const KNOWN: f64 = 0.2;
+/// Squared size of a direction below which it moves nothing.
+const NOTHING: f64 = 1e-12;
 
 /// Noise model and the responses to the initial outputs.
 #[derive(Debug, Clone)]
@@ -19,29 +27,41 @@ pub(crate) struct Whitening {
     starts: Vec<StretchStarts>,
 }
 
-/// Orthonormal responses to the initial outputs of one stretch, cut where they have decayed.
+/// Directions in which the initial outputs of one stretch move its values, cut where they have decayed.
 #[derive(Debug, Clone)]
 struct StretchStarts {
     rows: usize,
-    /// By basis vector, then output: values of the first rows.
-    basis: Vec<Vec<Vec<f64>>>,
-    /// Coefficients of the responses in the basis, upper triangular, row-major; by basis vector and then output.
-    triangle: Vec<Vec<f64>>,
-    /// The output that each basis vector came with.
-    source: Vec<usize>,
+    directions: Vec<Direction>,
+    /// First sample of each output, and how far off the initial output may be.
+    about: Vec<(f64, f64)>,
+}
+
+/// A singular direction of the responses to the initial outputs, these in units of their deviation.
+#[derive(Debug, Clone)]
+struct Direction {
+    /// By output: whitened values of the first rows, of unit length.
+    values: Vec<Vec<f64>>,
+    /// Share of each initial output in it.
+    outputs: Vec<f64>,
+    /// Its singular value.
+    size: f64,
 }
 
 impl Whitening {
     /// Linearises the responses to the initial outputs at a point whose free run is `simulated`.
     pub(crate) fn new(noise: Noise, layout: &Layout, runner: &mut Runner<'_, '_>, point: &Point, simulated: &[f64]) -> Self {
         let raw: Vec<Vec<f64>> = (0..layout.outputs()).map(|c| runner.start_column(point, c, simulated)).collect();
-        Self::of(noise, layout, raw, runner.scales())
+        let about = |s: usize| -> Vec<(f64, f64)> {
+            runner.firsts(s).into_iter().zip(runner.scales()).map(|(first, scale)| (first, KNOWN * scale)).collect()
+        };
+        let about: Vec<Vec<(f64, f64)>> = (0..layout.stretches()).map(about).collect();
+        Self::of(noise, layout, raw, about)
     }
 
-    /// From the raw responses to the initial outputs, one an output, and the outputs' scales.
-    fn of(noise: Noise, layout: &Layout, mut raw: Vec<Vec<f64>>, scales: &[f64]) -> Self {
+    /// From the raw responses to the initial outputs, one an output, and what is known of these, by stretch.
+    fn of(noise: Noise, layout: &Layout, mut raw: Vec<Vec<f64>>, about: Vec<Vec<(f64, f64)>>) -> Self {
         raw.iter_mut().for_each(|column| noise.whiten_flat(layout, column));
-        let starts = (0..layout.stretches()).map(|s| StretchStarts::of(&raw, layout, s, scales)).collect();
+        let starts = about.into_iter().enumerate().map(|(s, about)| StretchStarts::of(&raw, layout, s, about)).collect();
         Self { noise, layout: layout.clone(), starts }
     }
 
@@ -53,39 +73,46 @@ impl Whitening {
 
     fn project(&self, values: &mut [f64]) {
         for (s, starts) in self.starts.iter().enumerate() {
-            for q in &starts.basis {
-                let along = starts.along(q, values, &self.layout, s);
-                for (c, q) in q.iter().enumerate() {
-                    let start = self.layout.part(c, s).start;
-                    add(&mut values[start..start + starts.rows], -along, q);
-                }
+            for direction in &starts.directions {
+                let along = starts.along(direction, values, &self.layout, s);
+                starts.add(direction, (direction.shrinkage() - 1.0) * along, values, &self.layout, s);
             }
         }
     }
 
-    /// Whitens a residual, moves the initial outputs to where they fit it best, and projects it.
+    /// Whitens the residual of a run from `starts`, moves these to where they are likeliest, and makes the residual that of a run
+    /// from the first samples, shrunk along what the starts can do.
     pub(crate) fn settle(&self, residual: &mut [f64], starts: &mut [Vec<f64>]) {
         self.noise.whiten_flat(&self.layout, residual);
-        for (s, basis) in self.starts.iter().enumerate() {
-            let along: Vec<f64> = basis.basis.iter().map(|q| basis.along(q, residual, &self.layout, s)).collect();
-            let mut change = vec![0.0; along.len()];
-            for i in (0..along.len()).rev() {
-                let known: f64 = (i + 1..along.len()).map(|j| basis.triangle[i][j] * change[j]).sum();
-                change[i] = (along[i] - known) / basis.triangle[i][i];
-                starts[s][basis.source[i]] += change[i];
+        for (s, known) in self.starts.iter().enumerate() {
+            let from: Vec<f64> = starts[s].iter().zip(&known.about).map(|(x, (first, deviation))| (x - first) / deviation).collect();
+            starts[s].iter_mut().zip(&known.about).for_each(|(x, (first, _))| *x = *first);
+            for direction in &known.directions {
+                let along = known.along(direction, residual, &self.layout, s);
+                let whole = along + direction.size * dot(&direction.outputs, &from);
+                known.add(direction, direction.shrinkage() * whole - along, residual, &self.layout, s);
+                let back = direction.size / (1.0 + direction.size * direction.size) * whole;
+                let moved = direction.outputs.iter().zip(&known.about).map(|(share, (_, deviation))| back * share * deviation);
+                starts[s].iter_mut().zip(moved).for_each(|(x, by)| *x += by);
             }
         }
-        self.project(residual);
     }
 
-    /// Initial outputs that the data show: degrees of freedom taken.
-    pub(crate) fn taken(&self) -> usize {
-        self.starts.iter().map(|s| s.basis.len()).sum()
+    /// How much of the data the initial outputs take: degrees of freedom.
+    pub(crate) fn taken(&self) -> f64 {
+        self.starts.iter().flat_map(|s| &s.directions).map(|d| 1.0 - d.shrinkage().powi(2)).sum()
+    }
+}
+
+impl Direction {
+    /// What is left of values along it.
+    fn shrinkage(&self) -> f64 {
+        1.0 / (1.0 + self.size * self.size).sqrt()
     }
 }
 
 impl StretchStarts {
-    fn of(columns: &[Vec<f64>], layout: &Layout, s: usize, scales: &[f64]) -> Self {
+    fn of(columns: &[Vec<f64>], layout: &Layout, s: usize, about: Vec<(f64, f64)>) -> Self {
         let cut = |column: &[f64], rows: usize| -> Vec<Vec<f64>> {
             (0..layout.outputs()).map(|c| column[layout.part(c, s)][..rows].to_vec()).collect()
         };
@@ -95,39 +122,44 @@ impl StretchStarts {
             (0..layout.outputs()).filter_map(|c| column[layout.part(c, s)].iter().rposition(|x| x.abs() > least)).max().unwrap_or(0)
         };
         let rows = (columns.iter().map(|c| last(c)).max().unwrap_or(0) + 1).min(layout.length(s));
-        let mut made = Self { rows, basis: Vec::new(), triangle: Vec::new(), source: Vec::new() };
-        for (source, column) in columns.iter().enumerate() {
-            let mut left = cut(column, rows);
-            let size = norm(&left);
-            let mut along = vec![0.0; made.basis.len()];
-            for _ in 0..2 {
-                for (i, q) in made.basis.iter().enumerate() {
-                    let share: f64 = q.iter().zip(&left).map(|(q, x)| dot(q, x)).sum();
-                    along[i] += share;
-                    left.iter_mut().zip(q).for_each(|(x, q)| add(x, -share, q));
-                }
-            }
-            let rest = norm(&left);
-            // A start as far off as outputs ever are that would not be seen keeps its measured value.
-            if !rest.is_finite() || rest <= 1e-6 * size || rest * scales[source] < 1.0 {
-                continue;
-            }
-            left.iter_mut().flatten().for_each(|x| *x /= rest);
-            made.triangle.iter_mut().zip(&along).for_each(|(row, a)| row.push(*a));
-            let mut row = vec![0.0; made.basis.len()];
-            row.push(rest);
-            made.triangle.push(row);
-            made.basis.push(left);
-            made.source.push(source);
+        let columns: Vec<Vec<Vec<f64>>> = columns
+            .iter()
+            .zip(&about)
+            .map(|(column, (_, deviation))| {
+                let mut cut = cut(column, rows);
+                cut.iter_mut().flatten().for_each(|x| *x *= deviation);
+                cut
+            })
+            .collect();
+        let product = |i: usize, j: usize| columns[i].iter().zip(&columns[j]).map(|(a, b)| dot(a, b)).sum::<f64>();
+        let gram = DMatrix::from_fn(columns.len(), columns.len(), product);
+        if gram.iter().any(|x| !x.is_finite()) {
+            return Self { rows: 0, directions: Vec::new(), about };
         }
-        made
+        let eigen = gram.symmetric_eigen();
+        let largest = eigen.eigenvalues.max();
+        let directions = (0..columns.len()).filter(|i| eigen.eigenvalues[*i] > NOTHING * largest.max(1.0)).map(|i| {
+            let size = eigen.eigenvalues[i].sqrt();
+            let outputs: Vec<f64> = eigen.eigenvectors.column(i).iter().copied().collect();
+            let mut values = vec![vec![0.0; rows]; columns.len()];
+            for (column, share) in columns.iter().zip(&outputs) {
+                values.iter_mut().zip(column).for_each(|(x, c)| add(x, share / size, c));
+            }
+            Direction { values, outputs, size }
+        });
+        Self { rows, directions: directions.collect(), about }
     }
 
-    fn along(&self, q: &[Vec<f64>], values: &[f64], layout: &Layout, s: usize) -> f64 {
-        q.iter().enumerate().map(|(c, q)| dot(q, &values[layout.part(c, s)][..self.rows])).sum()
+    /// Component of values along a direction.
+    fn along(&self, direction: &Direction, values: &[f64], layout: &Layout, s: usize) -> f64 {
+        direction.values.iter().enumerate().map(|(c, u)| dot(u, &values[layout.part(c, s)][..self.rows])).sum()
     }
-}
 
-fn norm(column: &[Vec<f64>]) -> f64 {
-    column.iter().map(|c| dot(c, c)).sum::<f64>().sqrt()
+    /// Adds so much of a direction to values.
+    fn add(&self, direction: &Direction, by: f64, values: &mut [f64], layout: &Layout, s: usize) {
+        for (c, u) in direction.values.iter().enumerate() {
+            let start = layout.part(c, s).start;
+            add(&mut values[start..start + self.rows], by, u);
+        }
+    }
 }
