@@ -107,6 +107,19 @@ pub(crate) struct Selected {
     pub(crate) ranking: Vec<(usize, f64)>,
 }
 
+/// Who races, and how.
+struct Field<'f> {
+    /// Most effects that enter.
+    entrants: usize,
+    /// Rounds: steps, and effects that go on after them.
+    race: [(usize, usize); 2],
+    /// The model's unknowns as they are beside an effect whose place is contested: without it they bend to what it did.
+    unbent: Option<&'f [f64]>,
+}
+
+/// Any effect, beside a model as it is.
+const OPEN: Field<'static> = Field { entrants: ENTRANTS, race: RACE, unbent: None };
+
 /// An effect on its way to the end of its fit.
 struct Racing<'s, 'a> {
     effect: usize,
@@ -262,14 +275,13 @@ impl<'a> Search<'a> {
     ///
     /// What a response far from the model promises is often not to be had: the base parameters would have to move too far for a
     /// linear answer. So more effects than can be fitted to the end enter a race and are thinned out by the likelihood they have reached.
-    pub(crate) fn refine(
+    fn refine(
         &self,
         state: &State,
         whitening: &Whitening,
         screened: &[Vec<Candidate>],
         responses: &[Response],
-        entrants: usize,
-        race: [(usize, usize); 2],
+        field: &Field<'_>,
     ) -> Vec<Refined> {
         let projection = self.projection(state, whitening);
         let rank = state.fit.rank(&self.setting);
@@ -281,11 +293,11 @@ impl<'a> Search<'a> {
             names.push(name);
             names.iter().filter(|n| **n == name).count() <= VARIANTS
         };
-        let open = screened.iter().filter(|c| c[0].gain > HOPELESS && !closes(c)).filter(&mut few).take(entrants);
+        let open = screened.iter().filter(|c| c[0].gain > HOPELESS && !closes(c)).filter(&mut few).take(field.entrants);
         let entrants = open.chain(screened.iter().filter(|c| closes(c)));
         let mut racing: Vec<Racing<'_, 'a>> =
-            entrants.flat_map(|candidates| self.enter(state, &projection, whitening, candidates, responses)).collect();
-        for (trials, places) in race {
+            entrants.flat_map(|candidates| self.enter(state, &projection, whitening, candidates, responses, field)).collect();
+        for (trials, places) in field.race {
             let effort = Effort { trials, ..RANKING };
             racing = racing.into_iter().map(|r| r.on(self, whitening, effort)).collect();
             racing.sort_by(|a, b| b.value.total_cmp(&a.value));
@@ -321,6 +333,7 @@ impl<'a> Search<'a> {
         whitening: &Whitening,
         candidates: &[Candidate],
         responses: &[Response],
+        field: &Field<'_>,
     ) -> Vec<Racing<'s, 'a>> {
         let mut indices = state.effects.clone();
         indices.push(candidates[0].effect);
@@ -347,9 +360,9 @@ impl<'a> Search<'a> {
             let closed = |c: &Candidate| at([&state.fit.point.x[..], &responses[c.response].start.values].concat());
             return candidates.iter().filter(even).step_by(2).filter_map(closed).collect();
         }
-        // The base fit bends its parameters to what the effect does; the regression that it started from may be nearer to the truth.
-        let rough = self.setting.rough.as_ref().filter(|_| state.effects.is_empty() && !responses[candidates[0].response].start.linear);
-        let unbent = rough.and_then(|z| {
+        // The model bends its parameters to what the effect does; where they are otherwise known they may be nearer to the truth.
+        let rough = self.setting.rough.as_deref().filter(|_| state.effects.is_empty() && !responses[candidates[0].response].start.linear);
+        let unbent = field.unbent.or(rough).and_then(|z| {
             let every = candidates.len().div_ceil(UNBENT);
             let tried = candidates.iter().step_by(every).filter_map(|c| at([z, &responses[c.response].start.values[..]].concat()));
             tried.reduce(|a, b| if b.value > a.value { b } else { a })
@@ -445,7 +458,7 @@ impl<'a> Search<'a> {
             &fresh
         };
         let screened = self.screen(&selected.state, &selected.whitening, responses);
-        let refined = self.refine(&selected.state, &selected.whitening, &screened, responses, ENTRANTS, RACE);
+        let refined = self.refine(&selected.state, &selected.whitening, &screened, responses, &OPEN);
         if std::env::var("DBG").is_ok() {
             eprintln!("round members {:?} noise {:?} {:?}", selected.state.effects.iter().map(|i| self.effect(*i).name()).collect::<Vec<_>>(), selected.whitening.noise.innovation, selected.whitening.noise.deviation);
             for c in screened.iter().take(8) { eprintln!("  screened {} {:?} gain {:.1}", self.effect(c[0].effect).name(), responses[c[0].response].start.values, c[0].gain); }
@@ -566,7 +579,9 @@ impl<'a> Search<'a> {
         let dropped = selected.state.effects[member];
         let screened = self.screen(&rest, &selected.whitening, &responses);
         let others: Vec<Vec<Candidate>> = screened.into_iter().filter(|c| c[0].effect != dropped).collect();
-        let refined = self.refine(&rest, &selected.whitening, &others, &responses, CONTESTANTS, CONTEST);
+        let unbent: Vec<f64> = self.unknowns(&selected.state, &|i| i != member).map(|j| selected.state.fit.point.x[j]).collect();
+        let field = Field { entrants: CONTESTANTS, race: CONTEST, unbent: Some(&unbent) };
+        let refined = self.refine(&rest, &selected.whitening, &others, &responses, &field);
         (rest, refined)
     }
 
@@ -595,16 +610,7 @@ impl<'a> Search<'a> {
         if effects.len() == state.effects.len() {
             return Some(state.clone());
         }
-        let free = self.setting.free();
-        let mut unknowns: Vec<usize> = (0..free).collect();
-        let mut at = free;
-        for (i, index) in state.effects.iter().enumerate() {
-            let n = self.effect(*index).parameters(self.setting.scene).len();
-            if kept.contains(&i) {
-                unknowns.extend(at..at + n);
-            }
-            at += n;
-        }
+        let unknowns: Vec<usize> = self.unknowns(state, keep).collect();
         let x = unknowns.iter().map(|j| state.fit.point.x[*j]).collect();
         let point = Point { x, starts: state.fit.point.starts.clone() };
         let mut runner = self.runner(&effects, &point)?;
@@ -612,6 +618,21 @@ impl<'a> Search<'a> {
         fit.columns = unknowns.iter().map(|j| state.fit.columns[*j].clone()).collect();
         let fit = maximise(&self.setting, &mut runner, &selected.whitening, fit, COMPARING, true);
         Some(State { effects, fit })
+    }
+
+    /// Indices of the unknowns of a model that stay if some of its effects do.
+    fn unknowns(&self, state: &State, keep: &dyn Fn(usize) -> bool) -> impl Iterator<Item = usize> + use<> {
+        let free = self.setting.free();
+        let mut all: Vec<usize> = (0..free).collect();
+        let mut at = free;
+        for (i, index) in state.effects.iter().enumerate() {
+            let n = self.effect(*index).parameters(self.setting.scene).len();
+            if keep(i) {
+                all.extend(at..at + n);
+            }
+            at += n;
+        }
+        all.into_iter()
     }
 
     /// A state in the form that others work with.
