@@ -13,7 +13,8 @@ use crate::fit::algebra::Directions;
 use crate::fit::search::Fit;
 use crate::fit::setting::Runner;
 use crate::fit::setting::Setting;
-use crate::holdout::{Explanation, Ground, Proof, Transfer, loss, shifted, transfer};
+use crate::holdout::{Explanation, Ground, Proof, Transfer, foreign, loss, shifted, transfer};
+use crate::noise::Noise;
 use crate::question::{DiagnosisError, Question};
 use crate::residuals::{Flag, Residuals, Series};
 use crate::screen::Response;
@@ -28,6 +29,9 @@ pub(crate) const AMBIGUOUS: f64 = 6.0;
 const ALWAYS: &str = "always";
 /// Rivals up to here are mentioned.
 pub(crate) const MENTIONED: f64 = 10.0;
+
+/// Ratio of a rest's deviation to that of its innovations above which it is no noise: its past tells fifteen sixteenths of its variance.
+const SLOW: f64 = 4.0;
 
 /// A finished search.
 pub(crate) struct Story<'a> {
@@ -53,12 +57,23 @@ pub(crate) fn tell(
     let (findings, open) = findings(search, selected, &proof);
     let (mut flags, location) = review(question, search, selected)?;
     flags.extend(search.effects(&selected.state.effects).iter().zip(&findings).filter_map(|(effect, finding)| beyond(*effect, finding)));
+    if !findings.is_empty() {
+        flags.extend(following(setting, noise, &selected.base));
+    }
     let base_state = State { effects: Vec::new(), fit: selected.base.clone() };
     let screened = search.screen(&base_state, &selected.whitening, responses);
     let untestable = untestable::list(search, &screened, responses, &selected.state);
     let ranking = selected.ranking.iter().map(|(i, score)| (search.effect(*i).name().to_owned(), *score)).collect();
-    let weighed =
-        decide(Weighed { findings, track, flags, transfer: proof.transfer, warnings, effects: search.library, scene: setting.scene });
+    let weighed = decide(Weighed {
+        findings,
+        track,
+        flags,
+        transfer: proof.transfer,
+        foreign: proof.foreign,
+        warnings,
+        effects: search.library,
+        scene: setting.scene,
+    });
     let location = if weighed.verdict == Verdict::NoMismatch { nowhere(location) } else { location };
     let next_experiment = match weighed.verdict {
         Verdict::Ambiguous if question.experiment => next_experiment(question, search, selected, &open)?,
@@ -125,6 +140,23 @@ fn beyond(effect: &dyn Effect, finding: &Finding) -> Option<Flag> {
     Some(Flag { test: "values beyond the effect", value: 1.0, threshold: 0.0, left_over: Some(1.0), statement, effect: None })
 }
 
+/// A rest that hardly changes from sample to sample: motion, however well an autoregression takes it for noise.
+fn following(setting: &Setting<'_>, noise: &Noise, base: &Fit) -> Option<Flag> {
+    let layout = &setting.layout;
+    let of = |c: usize| {
+        let before: f64 = layout.output(c).map(|k| (setting.measured[k] - base.simulated[k]).powi(2)).sum::<f64>() / layout.rows() as f64;
+        let slow = noise.deviation[c].powi(2) - noise.innovation[c].powi(2);
+        (c, noise.deviation[c] / noise.innovation[c], (slow / before).clamp(0.0, 1.0))
+    };
+    let worst = (0..layout.outputs()).map(of).filter(|(_, ratio, _)| *ratio > SLOW).max_by(|a, b| a.2.total_cmp(&b.2))?;
+    let (output, value, share) = worst;
+    let statement = format!(
+        "what is left of {} hardly changes from sample to sample: motion that these effects do not explain, not noise",
+        setting.data.outputs[output].name
+    );
+    Some(Flag { test: "a rest that follows its past", value, threshold: SLOW, left_over: Some(share), statement, effect: None })
+}
+
 /// θ and effects' values of a state.
 pub(crate) fn explanation<'a>(search: &Search<'a>, state: &State) -> Explanation<'a> {
     let free = search.setting.free();
@@ -137,6 +169,8 @@ struct Proven {
     fits: Fits,
     waterfall: Vec<Rung>,
     transfer: Transfer,
+    /// Whether held-out data show motion that the training data lack.
+    foreign: bool,
     /// Held-out fit gained by each effect when it is added last.
     gains: Vec<Option<f64>>,
     training: Replay,
@@ -162,6 +196,7 @@ impl Proven {
             fits: Fits::default(),
             waterfall: Vec::new(),
             transfer: Transfer::Holds,
+            foreign: false,
             gains: vec![None; selected.state.effects.len()],
             training,
             held_out: None,
@@ -179,7 +214,9 @@ impl Proven {
         // What was reached is possible.
         let ceiling = (0..noise.len()).map(|c| ground.ceiling(c, noise[c]).max(after.fit[c])).collect();
         let left = [&before, &after].map(|proof| loss(&moved, &proof.simulated, noise));
-        made.transfer = transfer(left[0], left[1], loss(question.training, &trained[1].simulated, noise));
+        let training = loss(question.training, &trained[1].simulated, noise);
+        made.transfer = transfer(left[0], left[1], training);
+        made.foreign = foreign(left[1], training);
         made.waterfall = waterfall(search, selected, &before, &after, &|state| on(&moved, &scene, state).fit);
         for i in 0..made.gains.len() {
             made.gains[i] = search.without(selected, i).map(|state| {

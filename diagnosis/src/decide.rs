@@ -10,6 +10,10 @@ use crate::residuals::Flag;
 /// Share of the misfit that may be left over by a test without a library before an explanation is only a part of one.
 const LEFT_OVER: f64 = 0.08;
 
+/// What is said where only held-out data show a mismatch.
+const FOREIGN: &str = "the held-out recording shows motion that the model misses and the training recording does not show; diagnose that \
+                       recording, or one driven as it was";
+
 /// Effects by which the wheels' rates tell another motion than the robot's.
 const SLIDES: [&str; 2] = ["turning_scrub", "wheel_slip"];
 
@@ -20,6 +24,8 @@ pub(crate) struct Weighed<'a> {
     pub(crate) track: Option<Finding>,
     pub(crate) flags: Vec<Flag>,
     pub(crate) transfer: Transfer,
+    /// Whether held-out data show motion that the training data lack.
+    pub(crate) foreign: bool,
     pub(crate) warnings: Vec<String>,
     pub(crate) effects: &'a [Box<dyn Effect>],
     pub(crate) scene: &'a Scene,
@@ -35,7 +41,7 @@ pub(crate) struct Decided {
 }
 
 pub(crate) fn decide(weighed: Weighed<'_>) -> Decided {
-    let Weighed { mut findings, track, flags, transfer, mut warnings, effects, scene } = weighed;
+    let Weighed { mut findings, track, flags, transfer, foreign, mut warnings, effects, scene } = weighed;
     // What acts on the noise alone shows in the tests and not in the likelihood.
     let left: Vec<&Flag> = flags.iter().filter(|f| f.left_over.is_some_and(|share| share > LEFT_OVER)).collect();
     for flag in flags.iter().filter(|f| f.left_over.is_none()) {
@@ -54,7 +60,11 @@ pub(crate) fn decide(weighed: Weighed<'_>) -> Decided {
         warnings
             .push("what explains the training data does not bring the held-out error down: it fits here and does not transfer".to_owned());
     }
+    if foreign && nothing {
+        warnings.push(FOREIGN.to_owned());
+    }
     let verdict = match (nothing, left.is_empty()) {
+        (true, true) if foreign => Verdict::Unexplained,
         (true, true) => Verdict::NoMismatch,
         (_, false) => Verdict::Unexplained,
         // A rival that these data cannot exclude may be what would transfer, with parameters that they do not show.
@@ -108,6 +118,7 @@ fn headline(verdict: Verdict, findings: &[Finding], left: &[&Flag]) -> String {
         Verdict::Unexplained => {
             let why = left.first().map_or_else(|| "what fits here does not hold on other data".to_owned(), |f| f.statement.clone());
             match findings.is_empty() {
+                true if left.is_empty() => format!("something is missing: {FOREIGN}"),
                 true => format!("something is missing that no effect of the library explains: {why}"),
                 false => format!("something is missing that the library explains only in part: {why}; the part: {}", said()),
             }

@@ -91,7 +91,7 @@ fn other_readout<'a>(
 }
 
 fn setting<'a>(question: &Question<'a>, data: &'a Dataset, scene: &'a Scene, readout: Readout) -> Setting<'a> {
-    let layout = Layout::of(data);
+    let layout = Layout::of(data, scene);
     let mut map = question.map.clone();
     if let (true, Some(theta)) = (question.fixed, &question.theta) {
         map.free.clear();

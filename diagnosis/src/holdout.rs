@@ -101,6 +101,8 @@ pub(crate) enum Transfer {
 /// Ratio of an error to that on the training data, as a square, up to which nothing needs explaining: the fifteen percent in amplitude
 /// that the errors of parameters and of the first sample make.
 const NEAR: f64 = 1.15 * 1.15;
+/// Ratio of losses beyond which held-out data show motion that training data lack, where errors of parameters make up to a half more.
+const FOREIGN: f64 = 3.0;
 /// Share of the excess that must go.
 const CLOSED: f64 = 0.5;
 /// Errors beyond this many standard deviations count by their size, not by its square: a few values far out are not motion.
@@ -125,6 +127,11 @@ pub(crate) fn transfer(before: f64, after: f64, training: f64) -> Transfer {
     if closed || (near && after <= before.max(training) * 1.02) { Transfer::Holds } else { Transfer::Fails }
 }
 
+/// Whether held-out data are so far off that something moves there which the training data do not show.
+pub(crate) fn foreign(held_out: f64, training: f64) -> bool {
+    held_out > FOREIGN * training
+}
+
 /// Held-out data on a clock of their own: the same stretches with their times moved.
 pub(crate) fn shifted(data: &Dataset, by: f64) -> Dataset {
     let mut moved = data.clone();
@@ -143,5 +150,6 @@ mod tests {
         assert_eq!(transfer(1.05, 1.04, 1.0), Transfer::Holds, "there was none");
         assert_eq!(transfer(1.1, 1.6, 1.0), Transfer::Fails, "it has made one");
         assert_eq!(transfer(4.0, f64::INFINITY, 1.0), Transfer::Fails, "it diverges");
+        assert!(foreign(6.0, 1.0) && !foreign(1.5, 1.0));
     }
 }

@@ -255,7 +255,8 @@ mod tests {
 
     #[test]
     fn coloured_noise_becomes_white_with_unit_variance() {
-        let layout = Layout::of(&Case::clean(1).data);
+        let case = Case::clean(1);
+        let layout = Layout::of(&case.data, &case.scene);
         let residual = series(2, 0.8, &layout);
         let noise = Noise::estimate(&residual, &layout, 0.0, &[1e-9; 2]);
         assert_eq!(noise.orders(), [1, 1]);
@@ -269,7 +270,8 @@ mod tests {
 
     #[test]
     fn whole_and_by_stretches_it_is_the_same_filter() {
-        let layout = Layout::of(&Case::clean(1).data);
+        let case = Case::clean(1);
+        let layout = Layout::of(&case.data, &case.scene);
         let residual = series(3, 0.5, &layout);
         let noise = Noise::estimate(&residual, &layout, 0.0, &[1e-9; 2]);
         let mut whole = residual.clone();
@@ -283,7 +285,8 @@ mod tests {
 
     #[test]
     fn far_out_values_weigh_less_and_correlated_outputs_are_untangled() {
-        let layout = Layout::of(&Case::clean(1).data);
+        let case = Case::clean(1);
+        let layout = Layout::of(&case.data, &case.scene);
         let mut residual = series(4, 0.0, &layout);
         residual[100] = 30.0;
         for k in 0..layout.rows() {

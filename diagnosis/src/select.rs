@@ -459,11 +459,6 @@ impl<'a> Search<'a> {
         };
         let screened = self.screen(&selected.state, &selected.whitening, responses);
         let refined = self.refine(&selected.state, &selected.whitening, &screened, responses, &OPEN);
-        if std::env::var("DBG").is_ok() {
-            eprintln!("round members {:?} noise {:?} {:?}", selected.state.effects.iter().map(|i| self.effect(*i).name()).collect::<Vec<_>>(), selected.whitening.noise.innovation, selected.whitening.noise.deviation);
-            for c in screened.iter().take(8) { eprintln!("  screened {} {:?} gain {:.1}", self.effect(c[0].effect).name(), responses[c[0].response].start.values, c[0].gain); }
-            for r in &refined { eprintln!("  refined {} {:?} score {:.1} {:?}", self.effect(r.effect).name(), crate::finding::settings(self.effect(r.effect)), r.score, &r.fit.point.x); }
-        }
         let joined = (0..refined.len().min(2)).filter(|i| refined[*i].score > 0.0).find_map(|i| self.join(selected, &refined, i));
         (self.ranking(&screened, &refined), joined)
     }
@@ -503,18 +498,31 @@ impl<'a> Search<'a> {
         let gain = likelihood(&with) - likelihood(&without);
         let freedom = with.rank(&self.setting).saturating_sub(without.rank(&self.setting));
         let score = gain - self.penalty(freedom);
-        let base = if selected.state.effects.is_empty() { without } else { self.under(&[], &selected.base, &noise, COMPARING)?.1 };
+        let base = if selected.state.effects.is_empty() { without.clone() } else { self.under(&[], &selected.base, &noise, COMPARING)?.1 };
         let explained = likelihood(&with) - likelihood(&base) - gain;
-        if std::env::var("DBG").is_ok() {
-            eprintln!("  join {} score {score:.1} explained {explained:.1} noise {:?}", self.effect(candidate.effect).name(), noise.innovation);
-        }
-        (score > 0.0 && score >= SHARE * explained).then(|| Selected {
+        let matters = score >= SHARE * explained || self.sizeable(&base, &without, &with, &noise);
+        (score > 0.0 && matters).then(|| Selected {
             state: State { effects, fit: with },
             whitening,
             base,
             rivals: vec![self.beside(&selected.state, refined, candidate.effect, candidate.score)],
             ranking: selected.ranking.clone(),
         })
+    }
+
+    /// Whether a further effect takes a share worth naming off the misfit itself. Evidence says less of it where a misfit remains that
+    /// passes for coloured noise.
+    fn sizeable(&self, base: &Fit, without: &Fit, with: &Fit, noise: &Noise) -> bool {
+        let [base, without, with] = [base, without, with].map(|fit| self.misfit(fit, noise));
+        without - with >= SHARE * (base - without)
+    }
+
+    /// Sum of squares of what a fit leaves, outputs in units of their innovations.
+    fn misfit(&self, fit: &Fit, noise: &Noise) -> f64 {
+        let layout = &self.setting.layout;
+        let of = |c: usize, s: usize| layout.settled(c, s).map(|k| (self.setting.measured[k] - fit.simulated[k]).powi(2)).sum::<f64>();
+        let output = |c: usize| (0..layout.stretches()).map(|s| of(c, s)).sum::<f64>() / noise.innovation[c].powi(2);
+        (0..layout.outputs()).map(output).sum()
     }
 
     /// The refined effects other than the one that was taken, as rivals of it.
@@ -563,7 +571,8 @@ impl<'a> Search<'a> {
             return None;
         }
         let explained = rest.fit.likelihood(&self.setting) - selected.base.likelihood(&self.setting);
-        if present > 0.0 && present >= SHARE * explained {
+        let size = || self.sizeable(&selected.base, &rest.fit, &selected.state.fit, &selected.whitening.noise);
+        if present > 0.0 && (present >= SHARE * explained || size()) {
             return None;
         }
         let (whitening, fit) = self.under(&rest.effects, &rest.fit, &selected.whitening.noise, FINAL)?;
@@ -668,5 +677,16 @@ impl<'a> Search<'a> {
     pub(crate) fn worth(&self, selected: &Selected, rest: &State) -> f64 {
         let freedom = selected.state.fit.rank(&self.setting).saturating_sub(rest.fit.rank(&self.setting));
         selected.state.fit.likelihood(&self.setting) - rest.fit.likelihood(&self.setting) - self.penalty(freedom)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::related;
+
+    #[test]
+    fn a_family_is_related_to_its_parts_and_they_are_not_to_each_other() {
+        assert!(related("slew_limit", "slew_limit/v") && related("slew_limit/v", "slew_limit") && related("friction", "friction"));
+        assert!(!related("slew_limit/v", "slew_limit/omega") && !related("friction", "slew_limit/v"));
     }
 }

@@ -3,6 +3,7 @@
 #![allow(clippy::unwrap_used)]
 
 mod common;
+mod rig;
 
 use common::{HALF_TRACK, base, data, difference, held, model, scene};
 use wheelwright_core::effect::{Effect, Estimate};
@@ -103,6 +104,23 @@ fn a_limit_clips_wheels_or_an_axis() {
         base([clip(v), w], x)
     });
     assert!(both < 5e-5 && forward < 5e-5, "{both} {forward}");
+}
+
+#[test]
+fn before_a_robot_that_stands_still_nothing_was_commanded() {
+    let mut rig = rig::body();
+    let moving = rig.run(&[&CommandDelay::default()], &[0.2]);
+    rig.data.stretches[0].outputs.iter_mut().for_each(|c| c[0] = 0.0);
+    rig.start = [0.0, 0.0];
+    let still = rig.run(&[&CommandDelay::default()], &[0.2]);
+    let ramped = rig.run(&[&SlewLimit::default()], &[0.4, 1.3]);
+    let first = rig.stretch().time.iter().position(|t| *t > 0.2).unwrap();
+    assert!((1..first).all(|k| still[0][k] == 0.0 && moving[0][k] != 0.0), "{:?}", &still[0][..first]);
+    assert!(still[0][first + 2] > 0.0, "the first command takes effect after its delay");
+    // A ramp of rate a passes through a lag: y = a (t − T + T e^{−t/T}) / th4 at most.
+    let (t, lag) = (rig.stretch().time[2], 0.26 / 1.02);
+    let risen = 0.4 / 1.02 * (t - lag + lag * (-t / lag).exp());
+    assert!((ramped[0][2] / risen - 1.0).abs() < 1e-3, "{} {risen}", ramped[0][2]);
 }
 
 /// A ramp as a very fast pursuit of limited speed.

@@ -9,7 +9,8 @@ use rand_distr::{Distribution, StandardNormal};
 use wheelwright_core::effect::{Effect, EffectSimulator, Scene};
 use wheelwright_core::{Dataset, ModelConfig, RegressorModel, Stretch};
 use wheelwright_diagnosis::effects::{
-    ActuatorLag, CommandDelay, CommandOffset, CoulombFriction, GainAsymmetry, QuadraticDrag, VelocitySaturation,
+    ActuatorLag, Axis, CommandDelay, CommandOffset, CoulombFriction, GainAsymmetry, LateralComOffset, QuadraticDrag, SlewLimit,
+    VelocitySaturation,
 };
 use wheelwright_diagnosis::{Diagnosis, DiagnosisError, Question, Verdict, diagnose};
 use wheelwright_models::VwPdConfig;
@@ -48,7 +49,10 @@ fn commands(random: &mut StdRng, rows: usize, reverses: bool) -> Stretch {
         inputs[1].push(w);
     }
     let time = (0..rows).map(|k| 0.05 * k as f64).collect();
-    Stretch { label: "1".to_owned(), time, outputs: inputs.clone(), inputs }
+    let mut outputs = inputs.clone();
+    // The robot stands still when the recording begins, with a command just given.
+    outputs.iter_mut().for_each(|c| c[0] = 0.0);
+    Stretch { label: "1".to_owned(), time, outputs, inputs }
 }
 
 /// A recording of a model with effects, under noise that remembers `colour` of itself.
@@ -125,6 +129,28 @@ fn two_at_once_are_both_named() {
     let mut found = names(&diagnosis);
     found.sort_unstable();
     assert_eq!(found, ["command_delay", "coulomb_friction"], "{}", diagnosis.headline);
+}
+
+/// A ramp that is always at work hides all else in what looks like coloured noise, and begins at rest.
+#[test]
+fn a_second_effect_is_found_behind_a_ramp_on_both_axes() {
+    let (ramp, offset) = (SlewLimit::default(), LateralComOffset {});
+    let hidden: [(&dyn Effect, &[f64]); 2] = [(&ramp, &[0.15, 0.4]), (&offset, &[0.03, 1.0])];
+    let training = record(61, 1600, true, &hidden, 0.0);
+    let model = model();
+    let mut library = library();
+    library.push(Box::new(SlewLimit::default()));
+    library.extend([Axis::V, Axis::Omega].map(|axis| Box::new(SlewLimit { axis: Some(axis), wheels: false }) as Box<dyn Effect>));
+    library.push(Box::new(LateralComOffset {}));
+    let mut question = Question::new(&*model, &training, &library);
+    question.track_width = Some(TRACK);
+    let diagnosis = diagnose(&question).unwrap();
+    let mut found = names(&diagnosis);
+    found.sort_unstable();
+    found.dedup();
+    assert_eq!(found, ["lateral_com_offset", "slew_limit"], "{}", diagnosis.headline);
+    let rates: Vec<f64> = diagnosis.effects.iter().filter(|e| e.name == "slew_limit").flat_map(|e| e.values.clone()).collect();
+    assert!(rates.iter().any(|r| (r - 0.15).abs() < 0.005) && rates.iter().any(|r| (r - 0.4).abs() < 0.01), "{rates:?}");
 }
 
 #[test]

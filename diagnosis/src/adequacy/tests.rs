@@ -1,3 +1,6 @@
+use rand::SeedableRng;
+use rand::rngs::StdRng;
+
 use super::*;
 use crate::fixture::{Case, NOISE, RADIUS, TRACK, normal};
 
@@ -9,7 +12,7 @@ fn clean_recordings_raise_no_alarm() {
         largest = largest.max(found.structure.z);
         sum += found.structure.z;
         assert!(
-            found.bursts.is_empty() && found.order.is_none() && found.jitter.is_none() && found.lattices.is_empty(),
+            found.bursts.is_empty() && found.order.is_none() && found.jitter.is_none() && found.lattices.is_empty() && found.counts.is_none(),
             "{seed}: {found:?}"
         );
     }
@@ -101,6 +104,48 @@ fn counts_are_a_lattice_and_its_quantum_is_found() {
     assert!(lattices.len() == 1 && lattices[0].output == 0, "{lattices:?}");
     // The same values are multiples of its fractions too.
     assert!((quantum / lattices[0].quantum - 1.0).abs() < 0.01 && lattices[0].coherence > 0.9, "{lattices:?}");
+}
+
+/// Counts of both wheels as forward speed and turning, computed with a track `wrong` times the true one, with noise beside.
+fn counted(seed: u64, travel: f64, noise: f64, wrong: f64) -> Option<Counts> {
+    let plain = Case::new(seed, |_, _, y, _, _| y);
+    let period = 0.05;
+    let mut case = Case::clean(seed);
+    for (stretch, truth) in case.data.stretches.iter_mut().zip(&plain.truth) {
+        let (mut angle, mut random) = ([0.3 * travel, 0.7 * travel], StdRng::seed_from_u64(seed));
+        for k in 0..stretch.len() {
+            let sides = [truth[0][k] - 0.5 * TRACK * truth[1][k], truth[0][k] + 0.5 * TRACK * truth[1][k]];
+            let counts = [0, 1].map(|i| {
+                let before = (angle[i] / travel).floor();
+                angle[i] += sides[i] * period;
+                ((angle[i] / travel).floor() - before) * travel / period
+            });
+            stretch.outputs[0][k] = 0.5 * (counts[0] + counts[1]) + noise * normal(&mut random);
+            stretch.outputs[1][k] = (counts[1] - counts[0]) / (wrong * TRACK) + noise / TRACK * normal(&mut random);
+        }
+    }
+    let rounding = travel / period / 24.0_f64.sqrt();
+    case.noise = [f64::hypot(noise, rounding), f64::hypot(noise / TRACK, rounding / (0.5 * TRACK))];
+    case.compare(None, |c| examine(c, seed)).counts
+}
+
+#[test]
+fn counts_of_wheels_are_found_behind_noise_and_a_track_that_is_a_little_off() {
+    let travel = 0.0012;
+    for (noise, wrong) in [(0.0, 1.0), (0.004, 1.0), (0.004, 1.015)] {
+        let found = counted(8, travel, noise, wrong).expect("counts");
+        assert!((found.travel / travel - 1.0).abs() < 0.02, "{noise} {wrong}: {found:?}");
+    }
+    assert_eq!(counted(8, travel, 0.03, 1.0), None, "behind so much noise none are seen");
+}
+
+#[test]
+fn a_readout_of_few_digits_is_no_count() {
+    let digits = [0.012, 0.07];
+    let mut case = Case::new(9, |_, i, y, _, random| ((y + 0.2 * digits[i] * normal(random)) / digits[i]).round() * digits[i]);
+    case.noise = digits.map(|q| 0.35 * q);
+    let found = case.compare(None, |c| examine(c, 9));
+    assert!(found.lattices.len() == 2 && found.counts.is_none(), "{found:?}");
 }
 
 #[test]

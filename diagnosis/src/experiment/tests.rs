@@ -26,7 +26,7 @@ fn fitted<'a>(effect: &'a dyn Effect, value: f64, information: f64) -> Fitted<'a
 fn with_design<T>(limits: Limits, seed: u64, f: impl FnOnce(&dyn RegressorModel, &Scene, Experiment) -> T) -> T {
     let model = VwPdConfig::default().build().unwrap();
     let case = Case::clean(1);
-    let noise = Noise::white(&case.noise, &crate::fit::layout::Layout::of(&case.data));
+    let noise = Noise::white(&case.noise, &crate::fit::layout::Layout::of(&case.data, &case.scene));
     let (delay, lag) = (CommandDelay::default(), ActuatorLag::default());
     let (a, b) = (fitted(&delay, 0.12, 1e4), fitted(&lag, 0.12, 1e4));
     let rivals = Rivals {

@@ -3,11 +3,12 @@
 use std::ops::Range;
 
 use wheelwright_core::Dataset;
+use wheelwright_core::effect::Scene;
 
 use crate::residuals::Series;
 
 /// Time at the start of a stretch that no fit counts \[s\]: what came before it is still at work in delays, lags and loops, and
-/// nobody recorded it.
+/// nobody recorded it. Before a robot that stands still there was nothing.
 const UNSETTLED: f64 = 1.0;
 /// Share of a stretch that this may take at most.
 const MOST_UNSETTLED: f64 = 0.1;
@@ -24,13 +25,16 @@ pub(crate) struct Layout {
 }
 
 impl Layout {
-    pub(crate) fn of(data: &Dataset) -> Self {
+    pub(crate) fn of(data: &Dataset, scene: &Scene) -> Self {
         let lengths: Vec<usize> = data.stretches.iter().map(|s| s.len()).collect();
         let offsets = lengths.iter().scan(0, |sum, n| {
             *sum += n;
             Some(*sum - n)
         });
         let unsettled = data.stretches.iter().map(|s| {
+            if scene.from_rest(s) {
+                return 0;
+            }
             let most = (MOST_UNSETTLED * s.len() as f64) as usize;
             s.time.partition_point(|t| *t < s.time[0] + UNSETTLED).min(most)
         });

@@ -25,7 +25,7 @@ const EFFORT: Effort = Effort { trials: 20, worthwhile: 0.01, target: f64::NEG_I
 fn fitted<T>(case: &Case, f: impl FnOnce(&Setting<'_>, &Whitening, &Fit) -> T) -> T {
     let model = VwPdConfig::default().build().unwrap();
     let question = Question::new(&*model, &case.data, &[]);
-    let layout = Layout::of(&case.data);
+    let layout = Layout::of(&case.data, &case.scene);
     let mut setting = Setting {
         model: &*model,
         map: question.map.clone(),
@@ -103,6 +103,22 @@ fn at_the_optimum_the_residual_is_orthogonal_to_every_column_and_every_start() {
         assert!(change < 0.05, "{change}");
         let (found, was) = (again.point.starts[1][0], base.point.starts[1][0]);
         assert!((found - was).abs() < 0.002, "the start is found again: {found} for {was}");
+    });
+}
+
+/// What the rows that count say of the start of a stretch is little, and a misfit says it wrongly: the first sample knows better.
+#[test]
+fn a_misfit_moves_no_start_far_from_its_first_sample() {
+    let mut case = Case::clean(7);
+    for stretch in &mut case.data.stretches {
+        // Pushed while the start still shows a little.
+        stretch.outputs[0].iter_mut().skip(22).take(20).for_each(|x| *x += 0.02);
+    }
+    fitted(&case, |setting, _, base| {
+        for (stretch, starts) in setting.data.stretches.iter().zip(&base.point.starts) {
+            let off = (starts[0] - stretch.outputs[0][0]).abs() / setting.scene.scales.outputs[0];
+            assert!(off < 0.6, "{off}");
+        }
     });
 }
 

@@ -82,8 +82,13 @@ impl<'a> Slots<'a> {
     /// Sets all states at the start of a stretch; `u` becomes the command that goes on.
     pub(super) fn begin(&self, at: &Instant<'_>, initial: &[f64], state: &mut [f64], u: &mut [f64]) {
         u.iter_mut().enumerate().for_each(|(i, u)| *u = at.before(i));
+        let before = Instant { time: at.time - at.scene.scales.period, ..*at };
         for slot in &self.slots {
-            slot.effect.begin(&slot.values, at, u, initial, &mut state[slot.states.clone()]);
+            let state = &mut state[slot.states.clone()];
+            slot.effect.begin(&slot.values, at, u, initial, state);
+            if slot.stage.place() == Place::Command {
+                slot.effect.command(&slot.values, &before, initial, state, u);
+            }
         }
         self.command(at, initial, state, u);
     }
