@@ -125,3 +125,37 @@ fn headline(verdict: Verdict, findings: &[Finding], left: &[&Flag]) -> String {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use wheelwright_core::ModelConfig;
+    use wheelwright_models::VwPdConfig;
+
+    use super::*;
+    use crate::fixture::{Case, TRACK};
+
+    /// The decision where nothing was found, with what else weighs.
+    fn decided(foreign: bool, flags: Vec<Flag>) -> Decided {
+        let model = VwPdConfig::default().build().expect("the model has defaults");
+        let case = Case::clean(1);
+        let scene = Scene::new(&case.data, &*model, TRACK, None, None);
+        decide(Weighed {
+            findings: Vec::new(),
+            track: None,
+            flags,
+            transfer: Transfer::Holds,
+            foreign,
+            warnings: Vec::new(),
+            effects: &[],
+            scene: &scene,
+        })
+    }
+
+    #[test]
+    fn a_held_out_recording_with_motion_of_its_own_is_no_clean_bill() {
+        assert_eq!(decided(false, Vec::new()).verdict, Verdict::NoMismatch);
+        let foreign = decided(true, Vec::new());
+        assert_eq!(foreign.verdict, Verdict::Unexplained);
+        assert!(foreign.headline.contains("held-out") && foreign.warnings.len() == 1, "{}", foreign.headline);
+    }
+}

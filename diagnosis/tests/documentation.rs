@@ -95,7 +95,7 @@ fn distinct<T: Ord + Clone>(all: impl Iterator<Item = T>) -> Vec<T> {
 fn section(variants: &[&dyn Effect]) -> String {
     let first = variants[0];
     let mut out = format!("\n### `{}`\n\n{}\n\n", first.name(), head(first.name()));
-    writeln!(out, "Place: {}. Family: {}.\n", place(first), first.family()).unwrap();
+    writeln!(out, "Place: {}. Family: {}.\n", place(first), whole(first)).unwrap();
     if variants.len() > 1 {
         for variant in variants {
             writeln!(out, "- `{}`: {}", settings(*variant), variant.about()).unwrap();
@@ -124,6 +124,11 @@ fn section(variants: &[&dyn Effect]) -> String {
 }
 
 /// Everything below the mark.
+/// The family of which an effect's side or axis is a part.
+fn whole(effect: &dyn Effect) -> &str {
+    effect.family().split('/').next().unwrap_or_default()
+}
+
 fn made() -> String {
     let all = library();
     let names = distinct(all.iter().map(|e| e.name().to_owned()));
@@ -131,7 +136,7 @@ fn made() -> String {
     let mut out = format!("{MARK}\n\n| effect | place | family | in one line |\n|---|---|---|---|\n");
     for name in &names {
         let first = variants(name)[0];
-        writeln!(out, "| [`{name}`](#{name}) | {} | {} | {} |", place(first), first.family(), first.about()).unwrap();
+        writeln!(out, "| [`{name}`](#{name}) | {} | {} | {} |", place(first), whole(first), first.about()).unwrap();
     }
     names.iter().for_each(|name| out.push_str(&section(&variants(name))));
     out

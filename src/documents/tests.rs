@@ -48,3 +48,18 @@ fn a_parameter_carries_its_side_as_a_key() {
     assert_eq!(document["effects"][0]["parameters"][0]["wheel"], "left");
     assert_eq!(document["verdict"], "explained");
 }
+
+#[test]
+fn an_effect_found_on_two_axes_stands_once_with_both_parameters() {
+    let mut found = example(Verdict::Explained);
+    let mut other = found.effects[0].clone();
+    other.statement = "the other axis too".to_owned();
+    found.effects.insert(1, other);
+    let document = answer(&found, &[]);
+    let effects = document["effects"].as_array().unwrap();
+    let first = &found.effects[0];
+    assert_eq!(effects.iter().filter(|e| e["name"] == first.name.as_str()).count(), 1);
+    assert_eq!(effects[0]["parameters"].as_array().unwrap().len(), 2 * first.parameters.len());
+    assert_eq!(effects[0]["evidence"]["delta_bic"], 2.0 * first.delta_bic);
+    assert!(effects[0]["statement"].as_str().unwrap().ends_with("and the other axis too"));
+}

@@ -180,7 +180,8 @@ pub trait Effect: Debug + Send + Sync {
     fn stage(&self) -> Stage;
 
     /// Effects of one family are variants of one cause (frictions; delay and lag): two of them are never put into one
-    /// explanation side by side. By default an effect is a family of its own.
+    /// explanation side by side. Parts of a cause that may stand together, a side or an axis each, are written below it:
+    /// `slew_limit/v` beside `slew_limit/omega`, neither beside `slew_limit`. By default an effect is a family of its own.
     fn family(&self) -> &str {
         self.name()
     }

@@ -12,7 +12,11 @@ fn clean_recordings_raise_no_alarm() {
         largest = largest.max(found.structure.z);
         sum += found.structure.z;
         assert!(
-            found.bursts.is_empty() && found.order.is_none() && found.jitter.is_none() && found.lattices.is_empty() && found.counts.is_none(),
+            found.bursts.is_empty()
+                && found.order.is_none()
+                && found.jitter.is_none()
+                && found.lattices.is_empty()
+                && found.counts.is_none(),
             "{seed}: {found:?}"
         );
     }
