@@ -167,7 +167,7 @@ typedef struct ww_confusion {
 
 /* An effect with its settings; written by `open`, zeroed before. */
 typedef struct ww_effect_info {
-    const char *family;     /* variants of one cause share one; NULL: its name */
+    const char *family;     /* variants of one cause share one, "cause/part" is a part of it; NULL: its name */
     const char *excitation; /* the motion that shows it */
     const ww_confusion *confusions;
     size_t n_confusions;
