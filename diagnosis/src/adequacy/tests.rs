@@ -117,8 +117,8 @@ fn counted(seed: u64, travel: f64, noise: f64, wrong: f64) -> Option<Counts> {
     let mut case = Case::clean(seed);
     for (stretch, truth) in case.data.stretches.iter_mut().zip(&plain.truth) {
         let (mut angle, mut random) = ([0.3 * travel, 0.7 * travel], StdRng::seed_from_u64(seed));
-        for k in 0..stretch.len() {
-            let sides = [truth[0][k] - 0.5 * TRACK * truth[1][k], truth[0][k] + 0.5 * TRACK * truth[1][k]];
+        for (k, (v, omega)) in truth[0].iter().zip(&truth[1]).enumerate() {
+            let sides = [v - 0.5 * TRACK * omega, v + 0.5 * TRACK * omega];
             let counts = [0, 1].map(|i| {
                 let before = (angle[i] / travel).floor();
                 angle[i] += sides[i] * period;
