@@ -168,7 +168,7 @@ fn every_built_in_is_linked_and_listed() {
         assert!(!about.is_empty() && !about.contains("needs settings"), "{built_in}");
     }
     assert_eq!(names("models"), ["expression", "vw-pd", "wheel-pd", "wheel-voltage"]);
-    assert_eq!(names("robots"), ["khepera", "pioneer", "simulator"]);
+    assert_eq!(names("robots"), ["khepera", "pioneer", "ros2", "simulator"]);
     for solver in ["box", "iv", "ols", "output-error", "recursive", "robust", "steady-state", "thesis"] {
         assert!(names("solvers").contains(&solver.to_owned()), "{solver}");
     }

@@ -123,3 +123,36 @@ fn a_value_that_cannot_be_is_refused_with_its_key() {
         }
     }
 }
+
+#[cfg(not(feature = "ros2"))]
+#[test]
+fn a_ros_2_robot_without_the_feature_says_how_to_build_with_it() {
+    use wheelwright_robots::EmulatorConfig;
+    let told = |error: RobotError| match error {
+        RobotError::Config { key, reason } => {
+            assert!(key == "type" && reason.contains("cargo build --release --features ros2"), "{reason}")
+        }
+        other => panic!("{other}"),
+    };
+    told(parse("type = 'ros2'\ndomain = 0").unwrap().connect(1).err().unwrap());
+    let emulator: EmulatorConfig = "type = 'ros2'\ndomain = 0".parse::<Table>().unwrap().try_into().unwrap();
+    let robot = parse("type = 'simulator'\nrobot = 'pioneer-3dx'").unwrap().connect(1).unwrap();
+    told(emulator.start(wheelwright_core::robot::Live::new(robot)).err().unwrap());
+}
+
+#[test]
+fn settings_of_a_ros_2_robot_that_cannot_be_are_named() {
+    for (text, expected) in [
+        ("command_topic = 'cmd_vel'", "command_topic"),
+        ("odometry_topic = '/a//b'", "odometry_topic"),
+        ("domain = 300", "domain"),
+        ("domain = 0\ninterfaces = ['203.0.113.7']", "interfaces"),
+        ("limits = { v_dot = 1.0 }", "limits.v_dot"),
+        ("clock = 'stepped'", "period"),
+        ("timeout = 0.0", "timeout"),
+    ] {
+        let error = parse(&format!("type = 'ros2'\n{text}")).unwrap().connect(1).err().unwrap();
+        assert!(matches!(&error, RobotError::Config { key, .. } if key == expected), "{text}: {error}");
+    }
+    assert!(parse("type = 'ros2'\ncommand_type = 'twists'").is_err() && parse("type = 'ros2'\nmaster = 'x'").is_err());
+}

@@ -32,7 +32,7 @@ pub(super) fn run(arguments: &Arguments, shared: &Shared, console: &Console) -> 
     let setup = Setup::load_file(Some(&arguments.file), shared)?;
     let missing = |what: &str| setup.config.error(ConfigError::new("", what));
     let table = setup.config.sections.emulator.clone();
-    let table = table.ok_or_else(|| missing("names no protocol: add [emulator] type = \"pioneer\" or \"khepera\""))?;
+    let table = table.ok_or_else(|| missing("names no protocol: add [emulator] type = \"pioneer\", \"khepera\" or \"ros2\""))?;
     let emulator: EmulatorConfig = core_config::plain(table).map_err(|e| setup.config.error_in("emulator", e))?;
     let robot = setup.config.sections.robot.clone();
     let robot = robot.ok_or_else(|| missing("names no robot to put behind the protocol: add a [robot]"))?;

@@ -2,11 +2,13 @@
 //! be tried, and tested, without hardware.
 //!
 //! One idea: the protocol of a robot is a value that takes bytes and gives bytes ([`Protocol`]); `server` connects it to
-//! sockets, terminals and the clock. The protocols keep the traps of the real robots.
+//! sockets, terminals and the clock. The protocols keep the traps of the real robots. A ROS 2 robot takes and gives messages,
+//! which DDS carries, and has a loop of its own.
 
 mod body;
 mod khepera;
 mod pioneer;
+mod ros2;
 mod server;
 
 use serde::{Deserialize, Serialize};
@@ -14,6 +16,7 @@ use wheelwright_core::robot::{Live, RobotError};
 
 pub use khepera::{KheperaEmulator, KheperaServer};
 pub use pioneer::{Fault, FaultKind, PioneerEmulator, PioneerServer};
+pub use ros2::Ros2Server;
 pub use server::{Command, Emulator, State};
 
 use crate::wire::Clock;
@@ -26,6 +29,8 @@ pub enum EmulatorConfig {
     Pioneer(PioneerServer),
     /// A Khepera's serial server.
     Khepera(KheperaServer),
+    /// A ROS 2 robot.
+    Ros2(Ros2Server),
 }
 
 impl EmulatorConfig {
@@ -37,6 +42,7 @@ impl EmulatorConfig {
         match self {
             Self::Pioneer(server) => Emulator::start(&server.place()?, server.clock, Box::new(PioneerEmulator::new(server, robot)?)),
             Self::Khepera(server) => Emulator::start(&server.place()?, server.clock, Box::new(KheperaEmulator::new(server, robot)?)),
+            Self::Ros2(server) => server.start(robot),
         }
     }
 }

@@ -64,11 +64,17 @@ pub struct Command {
 /// A running emulator; it ends when this goes.
 pub struct Emulator {
     address: String,
-    stop: Arc<AtomicBool>,
-    shared: Arc<Mutex<Shared>>,
+    board: Board,
     serving: Option<JoinHandle<Result<(), RobotError>>>,
     /// Removes the link to a terminal.
     _link: Option<Box<dyn Any + Send + Sync>>,
+}
+
+/// What is seen of an emulator from outside, and how it is told to end.
+#[derive(Clone)]
+pub(super) struct Board {
+    stop: Arc<AtomicBool>,
+    shared: Arc<Mutex<Shared>>,
 }
 
 #[derive(Default)]
@@ -78,43 +84,87 @@ struct Shared {
     clients: u64,
 }
 
+impl Board {
+    pub(super) fn new(state: State) -> Self {
+        let shared = Shared { state, ..Shared::default() };
+        Self { stop: Arc::new(AtomicBool::new(false)), shared: Arc::new(Mutex::new(shared)) }
+    }
+
+    /// The emulator is to end.
+    pub(super) fn ends(&self) -> bool {
+        self.stop.load(Ordering::Relaxed)
+    }
+
+    /// One more client.
+    pub(super) fn count_client(&self) {
+        self.lock().clients += 1;
+    }
+
+    /// Shows the state; a command that changed is kept with its time.
+    pub(super) fn publish(&self, state: State, commanded: bool) {
+        let mut shared = self.lock();
+        let key = |s: &State| (s.v_ref, s.omega_ref, s.enabled, s.open);
+        if commanded && shared.commands.back().map(|c| key(&c.state)) != Some(key(&state)) {
+            if shared.commands.len() == MOST_COMMANDS {
+                shared.commands.pop_front();
+            }
+            shared.commands.push_back(Command { arrival: Instant::now(), state });
+        }
+        shared.state = state;
+    }
+
+    fn lock(&self) -> std::sync::MutexGuard<'_, Shared> {
+        self.shared.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
 impl Emulator {
     pub(super) fn start(place: &Place, clock: Clock, protocol: Box<dyn Protocol>) -> Result<Self, RobotError> {
-        let stop = Arc::new(AtomicBool::new(false));
-        let shared = Arc::new(Mutex::new(Shared { state: protocol.state(), ..Shared::default() }));
+        let board = Board::new(protocol.state());
+        let stop = &board.stop;
         let (events, inbox) = channel();
         let (address, link): (String, Option<Box<dyn Any + Send + Sync>>) = match place {
-            Place::Tcp(address) => (listen(address, &stop, events)?, None),
+            Place::Tcp(address) => (listen(address, stop, events)?, None),
             #[cfg(unix)]
             Place::Pty(path) => {
-                let link = terminal::open(path, &stop, events)?;
+                let link = terminal::open(path, stop, events)?;
                 (path.display().to_string(), Some(Box::new(link)))
             }
             #[cfg(not(unix))]
             Place::Pty(_) => return Err(crate::wire::config("pty", "pseudo terminals are not supported on this system; use `listen`")),
         };
-        let server = Server { protocol, clock, inbox, stop: Arc::clone(&stop), shared: Arc::clone(&shared), client: None };
-        Ok(Self { address, stop, shared, serving: Some(std::thread::spawn(move || server.serve())), _link: link })
+        let server = Server { protocol, clock, inbox, board: board.clone(), client: None };
+        Ok(Self::run(address, board, link, move || server.serve()))
     }
 
-    /// Where it is: `host:port`, or the terminal's path.
+    /// An emulator that is served on a thread of its own, which shows on the board what the robot does and ends when told there.
+    pub(super) fn run(
+        address: String,
+        board: Board,
+        link: Option<Box<dyn Any + Send + Sync>>,
+        serve: impl FnOnce() -> Result<(), RobotError> + Send + 'static,
+    ) -> Self {
+        Self { address, board, serving: Some(std::thread::spawn(serve)), _link: link }
+    }
+
+    /// Where it is: `host:port`, the terminal's path, or the domain and its topics.
     pub fn address(&self) -> &str {
         &self.address
     }
 
     /// What the robot is doing.
     pub fn state(&self) -> State {
-        lock(&self.shared).state
+        self.board.lock().state
     }
 
     /// Every change of what was commanded, the first one first.
     pub fn commands(&self) -> Vec<Command> {
-        lock(&self.shared).commands.iter().copied().collect()
+        self.board.lock().commands.iter().copied().collect()
     }
 
     /// Clients so far.
     pub fn clients(&self) -> u64 {
-        lock(&self.shared).clients
+        self.board.lock().clients
     }
 
     /// False once the robot behind it has failed.
@@ -131,7 +181,7 @@ impl Emulator {
     }
 
     fn end(&mut self) -> Result<(), RobotError> {
-        self.stop.store(true, Ordering::Relaxed);
+        self.board.stop.store(true, Ordering::Relaxed);
         match self.serving.take().map(JoinHandle::join) {
             None => Ok(()),
             Some(Ok(outcome)) => outcome,
@@ -144,10 +194,6 @@ impl Drop for Emulator {
     fn drop(&mut self) {
         let _ = self.end();
     }
-}
-
-fn lock(shared: &Mutex<Shared>) -> std::sync::MutexGuard<'_, Shared> {
-    shared.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 /// What the reading threads have to say.
@@ -179,8 +225,7 @@ struct Server {
     protocol: Box<dyn Protocol>,
     clock: Clock,
     inbox: Receiver<Event>,
-    stop: Arc<AtomicBool>,
-    shared: Arc<Mutex<Shared>>,
+    board: Board,
     client: Option<Box<dyn Client>>,
 }
 
@@ -189,7 +234,7 @@ impl Server {
         let period = Duration::from_secs_f64(self.protocol.period());
         let mut due = Instant::now() + period;
         let mut answers = Vec::new();
-        while !self.stop.load(Ordering::Relaxed) {
+        while !self.board.ends() {
             let wait = match self.clock {
                 Clock::Real => due.saturating_duration_since(Instant::now()).min(LOOK),
                 Clock::Stepped => LOOK,
@@ -207,7 +252,7 @@ impl Server {
                     due = Instant::now() + period;
                 }
             }
-            self.publish(false);
+            self.board.publish(self.protocol.state(), false);
         }
         Ok(())
     }
@@ -216,13 +261,13 @@ impl Server {
         match event {
             Event::Connected(client) => {
                 self.client = Some(client);
-                lock(&self.shared).clients += 1;
+                self.board.count_client();
             }
             // The robot does not notice: its watchdog does.
             Event::Gone => self.client = None,
             Event::Bytes(bytes) => {
                 self.protocol.receive(&bytes, answers)?;
-                self.publish(true);
+                self.board.publish(self.protocol.state(), true);
                 self.send(answers);
             }
         }
@@ -240,20 +285,6 @@ impl Server {
             }
         }
         answers.clear();
-    }
-
-    /// Shows the state; a command that changed is kept with its time.
-    fn publish(&self, commanded: bool) {
-        let state = self.protocol.state();
-        let mut shared = lock(&self.shared);
-        let key = |s: &State| (s.v_ref, s.omega_ref, s.enabled, s.open);
-        if commanded && shared.commands.back().map(|c| key(&c.state)) != Some(key(&state)) {
-            if shared.commands.len() == MOST_COMMANDS {
-                shared.commands.pop_front();
-            }
-            shared.commands.push_back(Command { arrival: Instant::now(), state });
-        }
-        shared.state = state;
     }
 }
 

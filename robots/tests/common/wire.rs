@@ -1,0 +1,47 @@
+//! What the tests of drivers and emulators share: robots from their configuration, and theta through a wire.
+#![allow(dead_code, unreachable_pub, missing_docs, clippy::unwrap_used, clippy::panic)]
+
+use toml::Table;
+use wheelwright_core::config::tagged;
+use wheelwright_core::dataset::Dataset;
+use wheelwright_core::drive::{DriveOptions, drive};
+use wheelwright_core::excitation::Excitation;
+use wheelwright_core::model::ModelConfig;
+use wheelwright_core::robot::{Live, RobotConfig, RobotError};
+use wheelwright_core::solver::{Problem, Solution, Solver};
+use wheelwright_robots::emulator::{Emulator, EmulatorConfig};
+use wheelwright_solvers::OutputError;
+
+// Registrations of a crate that nothing mentions vanish.
+use wheelwright_models as _;
+
+pub fn table(text: &str) -> Table {
+    text.parse().unwrap_or_else(|e| panic!("{e}\n{text}"))
+}
+
+pub fn robot(text: &str) -> Result<Live, RobotError> {
+    let config: Box<dyn RobotConfig> = tagged(table(text)).unwrap_or_else(|e| panic!("{e}\n{text}"));
+    config.connect(1).map(Live::new)
+}
+
+pub fn emulate(emulator: &str, simulator: &str) -> Emulator {
+    let config: EmulatorConfig = table(emulator).try_into().unwrap();
+    config.start(robot(simulator).unwrap()).unwrap()
+}
+
+pub fn identify(robot: &mut Live, model: &str, excitation: &str, duration: f64) -> (Solution, Vec<String>) {
+    let excitation: Box<dyn Excitation> = tagged(table(&format!("type = '{excitation}'"))).unwrap();
+    let options = DriveOptions { duration: Some(duration), ..DriveOptions::default() };
+    let recording = drive(robot, &*excitation, options).unwrap();
+    let model: Box<dyn ModelConfig> = tagged(table(&format!("type = '{model}'"))).unwrap();
+    let model = model.build().unwrap();
+    let data = Dataset::new(&recording, &*model).unwrap();
+    (OutputError::default().solve(&Problem::new(&*model, &data)).unwrap(), recording.warnings)
+}
+
+/// Both estimates agree within what rounding leaves: `share` of each parameter, or `absolute` where it is near zero.
+pub fn agree(direct: &Solution, through: &Solution, share: f64, absolute: f64) {
+    for (i, (a, b)) in direct.theta.iter().zip(&through.theta).enumerate() {
+        assert!((a - b).abs() <= (share * a.abs()).max(absolute), "theta{}: {a} directly, {b} through the wire", i + 1);
+    }
+}
