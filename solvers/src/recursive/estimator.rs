@@ -26,7 +26,7 @@ pub struct Estimator<'a> {
     model: &'a dyn RegressorModel,
     map: ParameterMap,
     memory_s: Option<f64>,
-    /// Integrals of [Φ y] over the last intervals, a ring.
+    /// Integrals of [Φ T, y − Φ c] over the last intervals, a ring.
     intervals: Vec<f64>,
     filled: usize,
     next: usize,
@@ -36,7 +36,7 @@ pub struct Estimator<'a> {
     slopes: Vec<f64>,
     phi: Vec<f64>,
     y: Vec<f64>,
-    /// One row [Φ T, y − Φ c] over the window, and the triangle of all rows before it.
+    /// One row over the window, and the triangle of all rows before it.
     row: Vec<f64>,
     triangle: Givens,
     rows: f64,
@@ -56,7 +56,7 @@ impl<'a> Estimator<'a> {
             model,
             map: map.clone(),
             memory_s: settings.memory_s,
-            intervals: vec![0.0; settings.window * equations * (parameters + 1)],
+            intervals: vec![0.0; settings.window * equations * (free + 1)],
             filled: 0,
             next: 0,
             last: None,
@@ -101,12 +101,13 @@ impl<'a> Estimator<'a> {
     }
 
     /// Writes the θ of the regression; false while the samples do not determine it.
-    pub fn theta(&self, theta: &mut [f64]) -> bool {
+    pub fn theta(&mut self, theta: &mut [f64]) -> bool {
         let z = self.free.len();
+        let known = self.triangle.solve(&mut self.free);
         for (i, t) in theta.iter_mut().enumerate() {
             *t = self.map.offset[i] + (0..z).map(|j| self.map.matrix[i * z + j] * self.free[j]).sum::<f64>();
         }
-        self.known
+        known
     }
 
     /// Writes the best θ there is and its standard errors: not a number for a parameter that is fixed, and for all of them unless
@@ -119,7 +120,7 @@ impl<'a> Estimator<'a> {
         if self.theta(theta) { Stage::Regression } else { Stage::Unknown }
     }
 
-    /// How much each equation's response over the last window differed from what the samples before it predicted, per
+    /// How much each equation's response over the last window differed from what the rows before it predicted, per
     /// second; zero until they determined θ.
     pub fn innovation(&self) -> &[f64] {
         &self.innovation
@@ -151,12 +152,12 @@ impl<'a> Estimator<'a> {
 
     /// Numbers kept for one interval.
     fn row_length(&self) -> usize {
-        self.y.len() * (self.model.parameters().len() + 1)
+        self.y.len() * (self.free.len() + 1)
     }
 
-    /// Adds the integral of [Φ y] over one interval to the ring.
+    /// Adds the integral over one interval to the ring.
     fn integrate(&mut self, interval: f64, outputs: &[f64]) {
-        let (length, parameters) = (self.row_length(), self.model.parameters().len());
+        let (length, parameters, z) = (self.row_length(), self.map.offset.len(), self.free.len());
         for ((slope, now), before) in self.slopes.iter_mut().zip(outputs).zip(&self.before) {
             *slope = (now - before) / interval;
         }
@@ -164,41 +165,42 @@ impl<'a> Estimator<'a> {
         kept.fill(0.0);
         for outputs in [self.before.as_slice(), outputs] {
             self.model.regressor(Sample { inputs: &self.held, outputs, accelerations: &self.slopes }, &mut self.phi, &mut self.y);
-            let rows = kept.chunks_exact_mut(parameters + 1).zip(self.phi.chunks_exact(parameters)).zip(&self.y);
+            let rows = kept.chunks_exact_mut(z + 1).zip(self.phi.chunks_exact(parameters)).zip(&self.y);
             for ((kept, phi), y) in rows {
-                kept.iter_mut().zip(phi.iter().chain([y])).for_each(|(sum, value)| *sum += 0.5 * interval * value);
+                kept[z] += 0.5 * interval * y;
+                // What an equation says nothing of costs nothing.
+                for (i, phi) in phi.iter().enumerate().filter(|(_, phi)| **phi != 0.0) {
+                    let share = 0.5 * interval * phi;
+                    kept[z] -= share * self.map.offset[i];
+                    kept.iter_mut().zip(&self.map.matrix[i * z..(i + 1) * z]).for_each(|(kept, t)| *kept += share * t);
+                }
             }
         }
         let window = self.intervals.len() / length;
-        self.next = (self.next + 1) % window;
+        self.next = if self.next + 1 == window { 0 } else { self.next + 1 };
         self.filled = (self.filled + 1).min(window);
     }
 
     fn take_in(&mut self, interval: f64) {
-        let (length, parameters, z) = (self.row_length(), self.model.parameters().len(), self.free.len());
+        let (length, width) = (self.row_length(), self.row.len());
         let window = self.intervals.len() / length;
         if let Some(memory) = self.memory_s {
             self.triangle.fade((-0.5 * interval / memory).exp());
             self.rows *= (-interval / memory).exp();
         }
-        for e in 0..self.y.len() {
+        for (e, innovation) in self.innovation.iter_mut().enumerate() {
             self.row.fill(0.0);
             for kept in self.intervals.chunks_exact(length) {
-                let kept = &kept[e * (parameters + 1)..(e + 1) * (parameters + 1)];
-                for (i, phi) in kept[..parameters].iter().enumerate() {
-                    self.row[z] -= phi * self.map.offset[i];
-                    for j in 0..z {
-                        self.row[j] += phi * self.map.matrix[i * z + j];
-                    }
-                }
-                self.row[z] += kept[parameters];
+                self.row.iter_mut().zip(&kept[e * width..]).for_each(|(sum, kept)| *sum += kept);
             }
-            let predicted: f64 = self.row.iter().zip(&self.free).map(|(phi, f)| phi * f).sum();
-            self.innovation[e] = if self.known { (self.row[z] - predicted) / (window as f64 * interval) } else { 0.0 };
-            self.triangle.rotate(&mut self.row);
+            let found = self.triangle.rotate(&mut self.row);
+            *innovation = if self.known { found / (window as f64 * interval) } else { 0.0 };
             self.rows += 1.0;
         }
-        self.known = self.triangle.solve(&mut self.free);
+        // What is known stays so, unless it is forgotten.
+        if !self.known || self.memory_s.is_some() {
+            self.known = self.triangle.determined();
+        }
     }
 
     /// Lets the free run go on, or start where the regression knows enough.
@@ -209,7 +211,7 @@ impl<'a> Estimator<'a> {
             None => run.begin_stretch(outputs),
         }
         let z = self.free.len();
-        if !self.known || !run.waits() || self.rows < super::FIRST_ROWS * z as f64 {
+        if !self.known || !run.waits() || self.rows < super::FIRST_ROWS * z as f64 || !self.triangle.solve(&mut self.free) {
             return;
         }
         let variance = self.triangle.residual() / (self.rows - z as f64);

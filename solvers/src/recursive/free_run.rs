@@ -50,6 +50,8 @@ pub(super) struct FreeRun<'a> {
     runs: Vec<Simulator<'a>>,
     point: Vec<f64>,
     offsets: Vec<f64>,
+    /// One over each offset.
+    scales: Vec<f64>,
     running: bool,
     settled: bool,
     /// Samples until the next attempt, while it does not run.
@@ -88,6 +90,7 @@ impl<'a> FreeRun<'a> {
             runs: (0..free + 2).map(|_| Simulator::unset(model).with_readout(settings.velocity.readout())).collect(),
             point: vec![0.0; free],
             offsets: vec![0.0; free],
+            scales: vec![0.0; free],
             running: false,
             settled: false,
             pause: 0,
@@ -251,7 +254,7 @@ impl<'a> FreeRun<'a> {
             row[free] = y - centre;
             colour.see(row[free]);
             for j in 0..free {
-                row[j] = (self.runs[1 + j].recorded(interval, i) - centre) / self.offsets[j];
+                row[j] = (self.runs[1 + j].recorded(interval, i) - centre) * self.scales[j];
                 row[free] += row[j] * self.point[j];
             }
         }
@@ -267,7 +270,8 @@ impl<'a> FreeRun<'a> {
                     self.row.iter_mut().zip(raw(back + 1)).for_each(|(w, past)| *w -= a * past);
                 }
                 if colour.deviation > 0.0 {
-                    self.row.iter_mut().for_each(|w| *w /= colour.deviation);
+                    let weight = colour.deviation.recip();
+                    self.row.iter_mut().for_each(|w| *w *= weight);
                 }
                 self.triangle.rotate(&mut self.row);
             }
@@ -330,7 +334,7 @@ impl<'a> FreeRun<'a> {
                 if self.offsets[k] > 0.0 {
                     others[k].draw(first[0].state(), offset / self.offsets[k]);
                 }
-                self.offsets[k] = offset;
+                (self.offsets[k], self.scales[k]) = (offset, offset.recip());
             }
             for (i, theta) in self.theta.iter_mut().enumerate() {
                 let along = &self.map.matrix[i * free..(i + 1) * free];
