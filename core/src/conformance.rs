@@ -112,6 +112,18 @@ pub enum Violation {
         /// Where.
         point: Point,
     },
+    /// The model's own motion is not what its accelerations make of it.
+    #[error("flow() takes {what} to {found} where the accelerations take it to {expected}, from {point}")]
+    Flow {
+        /// Which value.
+        what: String,
+        /// Value by the model's motion.
+        found: f64,
+        /// Value by its accelerations.
+        expected: f64,
+        /// Where it started.
+        point: Point,
+    },
     /// One way to the accelerations fails where the other does not.
     #[error("accelerations() ends with {found} where the equations end with {expected}, at {point}")]
     AccelerationsEnd {
@@ -196,8 +208,8 @@ impl fmt::Display for Point {
 }
 
 /// Checks that a model names its channels and parameters uniquely, fills its whole regressor with finite repeatable
-/// values, is affine in the accelerations, maps free parameters onto all of θ, and that its closed form of the
-/// accelerations, if it has one, solves its equations.
+/// values, is affine in the accelerations, maps free parameters onto all of θ, and that its closed forms of the
+/// accelerations and of the motion, if it has them, solve its equations.
 ///
 /// The points tried lie between 0.3 and 2 in size, so that what a model does near rest (static friction) is its own affair.
 ///
@@ -216,6 +228,7 @@ pub fn check_model(model: &dyn RegressorModel) -> Result<(), Vec<Violation>> {
         for k in 0..POINTS {
             check_regressor(model, k, &mut found);
             check_accelerations(model, k, &mut found);
+            check_flow(model, k, &mut found);
         }
     }
     found.end()
@@ -479,6 +492,43 @@ fn check_accelerations(model: &dyn RegressorModel, k: usize, found: &mut Finding
         let say = |end: Result<(), ModelError>| end.map_or_else(|e| format!("\"{e}\""), |()| "a value".to_owned());
         found.push(Violation::AccelerationsEnd { found: say(own_end), expected: say(solved_end), point: at });
     }
+}
+
+/// Time over which a motion is compared \[s\]: so short that a step of Runge-Kutta is accurate to rounding.
+const MOMENT: f64 = 1e-4;
+
+fn check_flow(model: &dyn RegressorModel, k: usize, found: &mut Findings) {
+    let Some(flow) = model.flow() else { return };
+    let at = Point { accelerations: Vec::new(), ..point(model, k) };
+    let theta = inside_bounds(model, k);
+    let Some((expected, way)) = moved(model, &theta, &at) else { return };
+    let (mut outputs, mut travelled) = (at.outputs.clone(), vec![f64::NAN; at.outputs.len()]);
+    if let Err(error) = flow.advance(&theta, &at.inputs, MOMENT, &mut outputs, &mut travelled) {
+        return found.push(Violation::Failed { call: "flow", reason: error.to_string() });
+    }
+    for (i, output) in model.outputs().iter().enumerate() {
+        let ways = (format!("the integral of `{}`", output.name), travelled[i], way[i], MOMENT);
+        for (what, value, expected, unit) in [(format!("`{}`", output.name), outputs[i], expected[i], 1.0), ways] {
+            if !value.is_finite() || (value - expected).abs() > TOLERANCE * unit * (1.0 + expected.abs() / unit) {
+                found.push(Violation::Flow { what, found: value, expected, point: at.clone() });
+            }
+        }
+    }
+}
+
+/// Outputs and their integrals after [`MOMENT`], by one step of classical Runge-Kutta; `None` where there are no accelerations.
+fn moved(model: &dyn RegressorModel, theta: &[f64], from: &Point) -> Option<(Vec<f64>, Vec<f64>)> {
+    let mut slopes: Vec<(Vec<f64>, Vec<f64>)> = Vec::new();
+    for share in [0.0, 0.5, 0.5, 1.0] {
+        let along = slopes.last().map(|(slope, _)| slope.clone()).unwrap_or_else(|| vec![0.0; from.outputs.len()]);
+        let state: Vec<f64> = from.outputs.iter().zip(along).map(|(x, a)| x + share * MOMENT * a).collect();
+        let mut slope = vec![f64::NAN; state.len()];
+        model.accelerations(theta, &from.inputs, &state, &mut slope).ok()?;
+        slopes.push((slope, state));
+    }
+    let weighed = |value: &dyn Fn(usize) -> f64| MOMENT / 6.0 * (value(0) + 2.0 * value(1) + 2.0 * value(2) + value(3));
+    let outputs = from.outputs.iter().enumerate().map(|(i, x)| x + weighed(&|s| slopes[s].0[i])).collect();
+    Some((outputs, (0..from.outputs.len()).map(|i| weighed(&|s| slopes[s].1[i])).collect()))
 }
 
 #[cfg(test)]

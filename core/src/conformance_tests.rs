@@ -1,7 +1,7 @@
 use super::*;
 use crate::channel::{OMEGA_REF, U_LEFT, V, V_REF};
 use crate::excitation::ExcitationError;
-use crate::model::{Parameter, ParameterMap};
+use crate::model::{Flow, Parameter, ParameterMap};
 use crate::robot::RobotError;
 
 /// u = a v' + b v, with one promise broken at will.
@@ -57,6 +57,22 @@ impl RegressorModel for Lag {
         accelerations[0] = (inputs[0] - sign * theta[1] * outputs[0]) / theta[0];
         Ok(())
     }
+    fn flow(&self) -> Option<&dyn Flow> {
+        Some(self)
+    }
+}
+
+impl Flow for Lag {
+    fn advance(&self, theta: &[f64], inputs: &[f64], interval: f64, outputs: &mut [f64], travelled: &mut [f64]) -> Result<(), ModelError> {
+        let (final_value, before) = (inputs[0] / theta[1], outputs[0]);
+        let late = if self.broken == "flow" { 0.99 } else { 1.0 };
+        outputs[0] = final_value + (before - final_value) * (-late * interval * theta[1] / theta[0]).exp();
+        travelled[0] = final_value * interval - theta[0] / theta[1] * (outputs[0] - before);
+        if self.broken == "way" {
+            travelled[0] = 0.0;
+        }
+        Ok(())
+    }
 }
 
 fn first(result: Result<(), Vec<Violation>>) -> String {
@@ -78,6 +94,8 @@ fn every_broken_promise_of_a_model_is_named() {
         ("unwritten", "the column of `b` in equation 1 was not written or is not finite at inputs ["),
         ("map", "the offset of map() has 1 values: 2 are needed"),
         ("closed", "accelerations() gives "),
+        ("flow", "flow() takes `v` to "),
+        ("way", "flow() takes the integral of `v` to 0 where "),
         ("fails", "accelerations() ends with \"model `lag` cannot be simulated"),
     ] {
         let message = first(check_model(&Lag::new(broken)));

@@ -153,6 +153,21 @@ pub trait RegressorModel: Debug + Send + Sync {
     fn accelerations(&self, theta: &[f64], inputs: &[f64], outputs: &[f64], accelerations: &mut [f64]) -> Result<(), ModelError> {
         solve_accelerations(self, theta, inputs, outputs, accelerations)
     }
+
+    /// The motion under held inputs, for a model that has it in closed form; simulation then takes no steps. None by default.
+    fn flow(&self) -> Option<&dyn Flow> {
+        None
+    }
+}
+
+/// The exact motion of a model under held inputs: for equations that jump, as dry friction does, over which no step of an integrator
+/// is accurate. Where the equations do not jump, conformance checks compare it with the accelerations.
+pub trait Flow: Debug + Send + Sync {
+    /// Moves `outputs` on by `interval` \[s\] under held `inputs`, and writes into `travelled` the integral of each over it.
+    ///
+    /// # Errors
+    /// [`ModelError::Singular`] or [`ModelError::Overflow`] where `theta` does not determine the motion.
+    fn advance(&self, theta: &[f64], inputs: &[f64], interval: f64, outputs: &mut [f64], travelled: &mut [f64]) -> Result<(), ModelError>;
 }
 
 /// Solves Φ θ = y for the accelerations by evaluating (1) at zero and at unit accelerations, which is exact because

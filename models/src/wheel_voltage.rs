@@ -8,7 +8,7 @@
 use serde::{Deserialize, Serialize};
 use wheelwright_core::Channel;
 use wheelwright_core::channel::{U_LEFT, U_RIGHT, VEL_LEFT, VEL_RIGHT};
-use wheelwright_core::model::{ModelConfig, ModelError, Parameter, ParameterMap, RegressorModel, Sample};
+use wheelwright_core::model::{Flow, ModelConfig, ModelError, Parameter, ParameterMap, RegressorModel, Sample};
 
 static INPUTS: [Channel; 2] = [U_LEFT, U_RIGHT];
 static OUTPUTS: [Channel; 2] = [VEL_LEFT, VEL_RIGHT];
@@ -120,12 +120,86 @@ impl RegressorModel for WheelVoltage {
                 _ => f64::NAN,
             };
         }
+        self.finite(theta, accelerations)
+    }
+
+    fn flow(&self) -> Option<&dyn Flow> {
+        Some(self)
+    }
+}
+
+impl Flow for WheelVoltage {
+    fn advance(&self, theta: &[f64], inputs: &[f64], interval: f64, outputs: &mut [f64], travelled: &mut [f64]) -> Result<(), ModelError> {
+        for i in 0..2 {
+            let p = &theta[i * self.side..][..self.side];
+            (outputs[i], travelled[i]) = held(p[0], p[1], p.get(2).copied().unwrap_or(0.0), inputs[i], outputs[i], interval);
+        }
+        self.finite(theta, outputs)
+    }
+}
+
+impl WheelVoltage {
+    /// Whether values computed from `theta` are numbers, and why not.
+    fn finite(&self, theta: &[f64], values: &[f64]) -> Result<(), ModelError> {
         let model = || self.name().to_owned();
-        match accelerations.iter().all(|a| a.is_finite()) {
+        match values.iter().all(|x| x.is_finite()) {
             true => Ok(()),
             // kA is the second parameter of a side.
             false if (0..2).any(|i| theta[i * self.side + 1] == 0.0) => Err(ModelError::Singular { model: model() }),
             false => Err(ModelError::Overflow { model: model() }),
+        }
+    }
+}
+
+/// Speed after, and way during, `interval` under a held voltage: exactly what the law says, with friction up to kS holding a wheel at
+/// rest. A wheel under way keeps its sense until it stops; what is left of the interval it stands, or runs on in the sense of u.
+fn held(kv: f64, ka: f64, ks: f64, u: f64, v: f64, interval: f64) -> (f64, f64) {
+    let lag = Lag { rate: kv / ka, ka };
+    let (mut v, mut way, mut left) = (v, 0.0, interval);
+    if v != 0.0 {
+        let drive = u - ks * sign(v);
+        let stop = lag.stop(drive, v);
+        let (end, moved) = lag.after(drive, v, stop.min(left));
+        if stop >= left {
+            return (end, moved);
+        }
+        (v, way, left) = (0.0, moved, left - stop);
+    }
+    if u.abs() <= ks {
+        return (v, way);
+    }
+    let (end, moved) = lag.after(u - ks * sign(u), v, left);
+    (end, way + moved)
+}
+
+/// v' = `drive`/kA − `rate` v.
+struct Lag {
+    rate: f64,
+    ka: f64,
+}
+
+impl Lag {
+    /// Speed and way after a time `t`.
+    fn after(&self, drive: f64, v: f64, t: f64) -> (f64, f64) {
+        let z = -self.rate * t;
+        let phi1 = if z == 0.0 { 1.0 } else { z.exp_m1() / z };
+        // φ2 = (φ1 − 1)/z, by its series where the difference would cancel.
+        let phi2 = if z.abs() > 0.1 { (phi1 - 1.0) / z } else { (2..12).rev().fold(0.0, |sum, k| (1.0 + z * sum) / f64::from(k)) };
+        let gain = drive / self.ka * t;
+        (v + phi1 * (gain + z * v), t * (phi1 * v + phi2 * gain))
+    }
+
+    /// Time until a wheel of speed `v` stands; infinite if it never does.
+    fn stop(&self, drive: f64, v: f64) -> f64 {
+        let needed = -v * self.ka / drive;
+        if needed.is_nan() || needed <= 0.0 {
+            return f64::INFINITY;
+        }
+        let bent = self.rate * needed;
+        match bent {
+            0.0 => needed,
+            _ if bent > -1.0 => bent.ln_1p() / self.rate,
+            _ => f64::INFINITY,
         }
     }
 }
@@ -180,9 +254,11 @@ fn parameters(side: &str, static_friction: bool) -> Vec<Parameter> {
 mod tests {
     use super::*;
     use proptest::prelude::*;
+    use wheelwright_core::Dataset;
     use wheelwright_core::Stretch;
+    use wheelwright_core::effect::{EffectSimulator, Scene};
     use wheelwright_core::model::solve_accelerations;
-    use wheelwright_core::simulation::Simulator;
+    use wheelwright_core::simulation::{Direction, Readout, Simulator};
 
     fn model(static_friction: bool, symmetric: bool) -> WheelVoltage {
         WheelVoltage::new(&WheelVoltageConfig { static_friction, symmetric })
@@ -234,22 +310,94 @@ mod tests {
         Stretch { label: "0".into(), outputs: vec![vec![0.0; n]; 2], inputs: vec![column.clone(), column], time }
     }
 
+    const FRICTIONS: [(f64, f64, f64); 4] = [(2.5, 0.2, 0.4), (2.5, 1.0, 0.1), (0.5, 0.2, 2.0), (3.0, 0.05, 1.0)];
+
+    /// What steps with the accelerations brings a wheel to rest within the widest step that the capture speed is made for.
     #[test]
-    fn a_coasting_wheel_stops_and_stays() {
+    fn a_coasting_wheel_stops_and_stays_in_steps() {
         let model = model(true, false);
-        for (kv, ka, ks) in [(2.5, 0.2, 0.4), (2.5, 1.0, 0.1), (0.5, 0.2, 2.0), (3.0, 0.05, 1.0)] {
+        for (kv, ka, ks) in FRICTIONS {
             let longest = 0.25 * ka / (kv + ks);
             for (dt, u) in [(0.1 * longest, 0.0), (longest, 0.0), (longest, 0.9 * ks), (longest, -0.5 * ks), (longest, -ks)] {
-                let theta = [kv, ka, ks, kv, ka, ks];
                 let run = stretch((10.0 * (1.0 + 1.0 / ks) / dt) as usize, dt, |_| u);
+                let data = Dataset { inputs: INPUTS.to_vec(), outputs: OUTPUTS.to_vec(), stretches: vec![run] };
+                let scene = Scene::new(&data, &model, 0.5, None, None);
                 let mut simulated = vec![Vec::new(); 2];
-                Simulator::new(&model, &theta).unwrap().run(&run, &[1.0, -0.7], &mut simulated).unwrap();
+                let mut simulator = EffectSimulator::new(&model, &[kv, ka, ks, kv, ka, ks], &[], &scene).unwrap();
+                simulator.run(0, &data.stretches[0], &[1.0, -0.7], &mut simulated).unwrap();
                 for side in &simulated {
                     let last = side[side.len() - 1];
                     assert!(last.abs() < 1e-9, "kV {kv} kA {ka} kS {ks} dt {dt} u {u}: still {last} m/s");
                 }
             }
         }
+    }
+
+    /// Moreau's implicit time stepping, which knows of no crossing: each step ends where friction, up to kS, brings it.
+    fn moreau(kv: f64, ka: f64, ks: f64, run: &Stretch, start: f64, h: f64) -> (Vec<f64>, f64) {
+        let (mut v, mut way) = (start, 0.0);
+        let mut speeds = vec![v];
+        for k in 1..run.len() {
+            let parts = ((run.time[k] - run.time[k - 1]) / h).round();
+            for _ in 0..parts as usize {
+                let free = v + h / ka * (run.inputs[0][k - 1] - kv * v);
+                let next = free - free.clamp(-h * ks / ka, h * ks / ka);
+                way += 0.5 * h * (v + next);
+                v = next;
+            }
+            speeds.push(v);
+        }
+        (speeds, way)
+    }
+
+    #[test]
+    fn stops_stands_and_reversals_are_where_an_implicit_scheme_of_fine_steps_has_them() {
+        let model = model(true, false);
+        for (kv, ka, ks) in FRICTIONS {
+            // Samples far apart against the lag: several things happen between two of them.
+            let run = stretch(160, 0.05, |t| 2.0 * ks * (1.5 * t).sin());
+            let (expected, way) = moreau(kv, ka, ks, &run, 0.8, 1e-6);
+            let theta = [kv, ka, ks, kv, ka, ks];
+            let mut simulated = vec![Vec::new(); 2];
+            Simulator::new(&model, &theta).unwrap().run(&run, &[0.8, 0.8], &mut simulated).unwrap();
+            let size = simulated[0].iter().fold(0.0_f64, |m, v| m.max(v.abs()));
+            for (k, (found, expected)) in simulated[0].iter().zip(&expected).enumerate() {
+                assert!((found - expected).abs() < 2e-5 * size, "kV {kv} kA {ka} kS {ks}, sample {k}: {found} {expected}");
+            }
+            assert!(simulated[0].contains(&0.0) && simulated[0].iter().any(|v| *v < 0.0), "it stands and reverses");
+            let mut means = Simulator::new(&model, &theta).unwrap().with_readout(Readout::IntervalMean);
+            means.run(&run, &[0.8, 0.8], &mut simulated).unwrap();
+            let found: f64 = simulated[0][1..].iter().map(|mean| 0.05 * mean).sum();
+            assert!((found - way).abs() < 2e-5 * size * 8.0, "{found} {way}");
+        }
+    }
+
+    /// A difference of runs is a derivative only if the course from stop to start does not jump with the parameters.
+    #[test]
+    fn differences_of_runs_do_not_depend_on_their_step() {
+        let model = model(true, false);
+        let theta = [2.5, 0.4, 0.3, 2.6, 0.45, 0.25];
+        let run = stretch(500, 0.02, |t| 4.0 * (1.3 * t).sin() + 0.2);
+        let of = |step: f64| {
+            let directions: Vec<Direction> =
+                (0..6).map(|i| Direction { along: (0..6).map(|k| f64::from(u8::from(k == i))).collect(), step }).collect();
+            Simulator::new(&model, &theta).unwrap().sensitivities(&run, &[0.0, 0.0], &directions).unwrap().parameters
+        };
+        let (wide, narrow) = (of(1e-5), of(1e-6));
+        for (wide, narrow) in wide.iter().flatten().flatten().zip(narrow.iter().flatten().flatten()) {
+            assert!((wide - narrow).abs() < 1e-6, "{wide} {narrow}");
+        }
+    }
+
+    #[test]
+    fn without_back_voltage_or_friction_the_motion_keeps_its_limits() {
+        // v' = u/kA, and a wheel that only friction slows.
+        let (v, way) = held(0.0, 0.5, 0.0, 1.0, 0.2, 0.1);
+        assert!((v - 0.4).abs() < 1e-15 && (way - 0.03).abs() < 1e-15, "{v} {way}");
+        let (v, way) = held(0.0, 0.5, 1.0, 0.0, 0.2, 1.0);
+        assert!(v == 0.0 && (way - 0.01).abs() < 1e-15, "{v} {way}");
+        let mut at = [0.1, 0.1];
+        assert!(model(true, false).advance(&[1.0, 0.0, 0.1, 1.0, 0.0, 0.1], &[1.0; 2], 0.1, &mut at, &mut [0.0; 2]).is_err());
     }
 
     #[test]

@@ -5,7 +5,7 @@
 use wheelwright_core::agreement::{compare, fit_each};
 use wheelwright_core::solver::{Problem, SolveError, Solver, Status};
 use wheelwright_core::{Dataset, ModelConfig, RegressorModel, Stretch};
-use wheelwright_models::{VwPdConfig, WheelPdConfig};
+use wheelwright_models::{VwPdConfig, WheelPdConfig, WheelVoltageConfig};
 use wheelwright_solvers::{NoiseModel, OutputError, Velocity};
 
 const PIONEER: [f64; 6] = [0.2604, 0.2509, -0.0004, 0.9965, 0.0026, 1.0768];
@@ -195,6 +195,46 @@ fn too_few_samples_are_refused() {
     let model = robot();
     let data = data(vec![drive(&PIONEER, stamps(0.05, 4, 0.0), 10, false)]);
     assert!(matches!(OutputError::default().solve(&Problem::new(&*model, &data)), Err(SolveError::TooFewSamples { .. })));
+}
+
+const WHEELS: [f64; 6] = [2.5, 0.4, 0.3, 2.6, 0.45, 0.25];
+
+/// Wheels with dry friction under held voltages, 50 Hz: friction brings each small step as near to rest as it can (Moreau).
+fn rolled(rows: usize, voltages: impl Fn(f64) -> [f64; 2], deviation: f64, seed: u64) -> Stretch {
+    let time: Vec<f64> = (0..rows).map(|k| 0.02 * k as f64).collect();
+    let applied: Vec<[f64; 2]> = time.iter().map(|t| voltages(*t)).collect();
+    let mut random = noise(seed);
+    let (mut outputs, mut v, h) = (vec![Vec::new(); 2], [0.0; 2], 1e-4);
+    for u in &applied {
+        (0..2).for_each(|i| outputs[i].push(v[i] + deviation * random()));
+        for (i, p) in WHEELS.chunks_exact(3).enumerate() {
+            for _ in 0..200 {
+                let free: f64 = v[i] + h / p[1] * (u[i] - p[0] * v[i]);
+                v[i] = free - free.clamp(-h * p[2] / p[1], h * p[2] / p[1]);
+            }
+        }
+    }
+    let inputs = (0..2).map(|i| applied.iter().map(|u| u[i]).collect()).collect();
+    Stretch { label: "0".to_owned(), time, inputs, outputs }
+}
+
+/// Each wheel stops, stands and reverses some twenty times: the cost has a kink wherever one of these changes its sample.
+#[test]
+fn dry_friction_is_fitted_to_its_end_and_within_its_intervals() {
+    let model = WheelVoltageConfig::default().build().unwrap();
+    let (mut covered, seeds) = (0, 10);
+    for seed in 1..=seeds {
+        let stretch = rolled(2000, |t| [4.0 * (1.3 * t).sin() + 1.0, 4.0 * (0.9 * t).sin() - 1.0], 0.05, seed);
+        let data = Dataset { inputs: model.inputs().to_vec(), outputs: model.outputs().to_vec(), stretches: vec![stretch] };
+        let solution = OutputError::default().solve(&Problem::new(&*model, &data)).unwrap();
+        assert_eq!((solution.status, solution.warnings.as_slice()), (Status::Solved, [].as_slice()), "seed {seed}");
+        let (std, ci95) = (solution.std.unwrap(), solution.ci95.unwrap());
+        for i in 0..6 {
+            assert!((solution.theta[i] - WHEELS[i]).abs() < 4.0 * std[i], "seed {seed}: {:?} ± {std:?}", solution.theta);
+            covered += usize::from((ci95[i].0..=ci95[i].1).contains(&WHEELS[i]));
+        }
+    }
+    assert!(covered >= 6 * seeds as usize * 8 / 10, "{covered} of {}", 6 * seeds);
 }
 
 #[test]

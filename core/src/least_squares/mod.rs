@@ -86,11 +86,14 @@ pub struct Options {
     pub promise: f64,
     /// The same in absolute terms, for residuals in units of their standard deviation.
     pub absolute: f64,
+    /// Stop at a kink, where no step gets anywhere, if the linear model, which knows of one side only, promises less than this:
+    /// the square of the share of a standard error that does not matter.
+    pub immaterial: f64,
 }
 
 impl Default for Options {
     fn default() -> Self {
-        Self { iterations: 100, promise: 1e-14, absolute: 1e-8 }
+        Self { iterations: 100, promise: 1e-14, absolute: 1e-8, immaterial: 0.0625 }
     }
 }
 
@@ -113,6 +116,8 @@ pub struct Outcome {
 const SHORT: f64 = 1e-15;
 /// Share of the cost below which a decrease is lost in rounding.
 const ROUNDING: f64 = 1e-12;
+/// Where a step gains nothing that promises only this share of what the longest one does, there is a kink.
+const KINK: f64 = 1e-3;
 /// λ of the first step.
 const FIRST_DAMPING: f64 = 1e-2;
 /// Least λ, so that it can grow again.
@@ -151,7 +156,8 @@ pub fn minimise(problem: &mut dyn Residuals, mut z: DVector<f64>, limits: &Limit
         }
         let damped = scale.map(|s| damping.sqrt() * if s > 0.0 { s } else { 1.0 });
         let step = constrained_step(&factor, Some(&damped), &z, limits)?;
-        let gain = (cost - problem.attempt(&step)) / promise(&factor, &step);
+        let expected = promise(&factor, &step);
+        let gain = (cost - problem.attempt(&step)) / expected;
         let short = step.component_mul(&scale).norm() <= SHORT * z.component_mul(&scale).norm();
         // A point about which the model cannot be linearised is as bad as one where it cannot be evaluated.
         let next = (gain > 0.0).then(|| {
@@ -164,7 +170,10 @@ pub fn minimise(problem: &mut dyn Residuals, mut z: DVector<f64>, limits: &Limit
         if let Some(Ok(next)) = next {
             z += step;
             factor = next;
-            damping = (damping * if gain > 0.9 { 0.03 } else { 0.2 }).max(LEAST_DAMPING);
+            damping = (damping * damping_factor(gain)).max(LEAST_DAMPING);
+        } else if promised <= options.immaterial && expected <= KINK * promised {
+            (converged, smooth) = (true, false);
+            break;
         } else {
             damping *= 2.0;
         }
@@ -175,6 +184,15 @@ pub fn minimise(problem: &mut dyn Residuals, mut z: DVector<f64>, limits: &Limit
         smooth &= gain > 0.5;
     }
     Ok(Outcome { active: limits.active(&z), z, factor, converged, smooth })
+}
+
+/// What a step that gained this share of its promise does to the damping. One that gained little led across a valley or a kink.
+fn damping_factor(gain: f64) -> f64 {
+    match gain {
+        _ if gain > 0.9 => 0.03,
+        _ if gain > 0.25 => 0.2,
+        _ => 2.0,
+    }
 }
 
 /// By how much a step lowers the cost of the linear model.

@@ -54,7 +54,7 @@ impl Residuals for Curve<'_> {
 fn fit(set: &Nist, start: usize, limits: &Limits) -> Outcome {
     let at = DVector::from_iterator(set.parameters.len(), set.parameters.iter().map(|p| p[start]));
     let mut curve = Curve { set, next: at.clone(), at: at.clone() };
-    minimise(&mut curve, at, limits, Options { iterations: 5000, promise: 1e-22, absolute: 0.0 }).unwrap()
+    minimise(&mut curve, at, limits, Options { iterations: 5000, promise: 1e-22, absolute: 0.0, immaterial: 0.0 }).unwrap()
 }
 
 /// Agreement with a certified value in decimal digits.
@@ -117,5 +117,36 @@ proptest! {
         }
         prop_assert!((0..3).all(|i| step[i] >= low[i] - 1e-10 && step[i] <= high + 1e-10), "{step}");
         prop_assert!(cost(&step) <= best * (1.0 + 1e-9) + 1e-12, "{} for {best}", cost(&step));
+    }
+}
+
+/// |z| in units of a standard deviation, beside a parabola: the linear model of either side leads across the kink.
+struct Kinked {
+    at: f64,
+    next: f64,
+    slope: f64,
+}
+
+impl Residuals for Kinked {
+    fn linearise(&mut self) -> Result<Factor, SolveError> {
+        Ok(Factor::of(DMatrix::from_row_slice(2, 2, &[self.slope * self.at.signum(), 1.0 + self.slope * self.at.abs(), 1.0, self.at])))
+    }
+    fn attempt(&mut self, step: &DVector<f64>) -> f64 {
+        self.next = self.at + step[0];
+        (1.0 + self.slope * self.next.abs()).powi(2) + self.next.powi(2)
+    }
+    fn accept(&mut self) {
+        std::mem::swap(&mut self.at, &mut self.next);
+    }
+}
+
+#[test]
+fn a_search_that_ends_at_a_kink_has_settled_if_what_it_might_gain_is_immaterial() {
+    for (slope, settles) in [(0.1, true), (1.0, false)] {
+        let mut kinked = Kinked { at: 0.7, next: 0.0, slope };
+        let none = Limits { g: DMatrix::zeros(0, 1), h: DVector::zeros(0) };
+        let outcome = minimise(&mut kinked, DVector::from_element(1, 0.7), &none, Options::default()).unwrap();
+        assert!(outcome.z[0].abs() < 1e-3, "{}", outcome.z[0]);
+        assert_eq!((outcome.converged, outcome.smooth), (settles, false), "slope {slope}");
     }
 }

@@ -3,13 +3,14 @@
 //! The equations x' = L x + N(x, u) are stepped with the exponential Runge-Kutta method ETD4RK of Cox and Matthews
 //! (J. Comput. Phys. 176, 2002): exact for the linear part under held inputs, fourth order in N. Steps are fixed between
 //! samples; an adaptive integrator would make results depend on tolerances and hide kinks. How long a step may be is
-//! measured beforehand, by step doubling on a part of the stretch, so that numerical error never looks like physics.
+//! measured beforehand, by step doubling on a part of the stretch, so that numerical error never looks like physics. A model
+//! that knows its motion in closed form is not stepped at all.
 
 mod sensitivity;
 mod weights;
 
 use crate::dataset::Stretch;
-use crate::model::{ModelError, RegressorModel};
+use crate::model::{Flow, ModelError, RegressorModel};
 pub use sensitivity::{DIFFERENCE, Direction, Sensitivities};
 pub(crate) use weights::Weights;
 
@@ -37,6 +38,7 @@ pub enum Readout {
 #[derive(Debug)]
 pub struct Simulator<'a> {
     model: &'a dyn RegressorModel,
+    flow: Option<&'a dyn Flow>,
     theta: Vec<f64>,
     readout: Readout,
     fixed_step: Option<f64>,
@@ -95,6 +97,7 @@ impl<'a> Simulator<'a> {
         };
         Self {
             model,
+            flow: model.flow(),
             theta: vec![0.0; model.parameters().len()],
             readout: Readout::default(),
             fixed_step: None,
@@ -246,6 +249,9 @@ impl<'a> Simulator<'a> {
 
     /// Advances the state by `interval` with the held input.
     fn advance(&mut self, interval: f64) -> Result<(), ModelError> {
+        if let Some(flow) = self.flow {
+            return flow.advance(&self.theta, &self.input, interval, &mut self.stages.state, &mut self.stages.travelled);
+        }
         // Rounding up is a call of the mathematical library: most steps do not need it.
         let ratio = interval / self.max_step - 1e-9;
         let substeps = if ratio <= 1.0 { 1 } else { (ratio.ceil() as usize).clamp(1, MAX_SUBSTEPS) };
