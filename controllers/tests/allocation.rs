@@ -3,6 +3,7 @@
 #![allow(clippy::unwrap_used)]
 #![allow(unsafe_code, reason = "an allocator that counts is unsafe to write; it hands everything on to the system's")]
 
+#[path = "suite/common/mod.rs"]
 mod common;
 
 use std::alloc::{GlobalAlloc, Layout, System};

@@ -3,6 +3,7 @@
 
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, reason = "helpers of tests")]
 
+#[path = "suite/support/mod.rs"]
 mod support;
 
 use wheelwright_plugin::PluginError;

@@ -5,7 +5,7 @@
 //! `WHEELWRIGHT_CYCLONEDDS`, or else `python3`, is no Python with the package `cyclonedds`.
 #![allow(clippy::unwrap_used, clippy::panic, missing_docs)]
 
-#[path = "common/wire.rs"]
+#[path = "suite/common/wire.rs"]
 mod wire;
 
 use std::io::{BufRead, BufReader};

@@ -1,0 +1,230 @@
+//! Driving robots that behave and robots that do not.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+
+use serde::{Deserialize, Serialize};
+use wheelwright_core::channel::{self, Channel};
+use wheelwright_core::drive::{DriveError, DriveFault, DriveOptions, DriveProgress, drive};
+use wheelwright_core::excitation::{Excitation, ExcitationError};
+use wheelwright_core::robot::{Live, Robot, RobotError};
+
+static INPUTS: [Channel; 1] = [channel::V_REF];
+static OUTPUTS: [Channel; 2] = [channel::V, channel::X];
+const PERIOD: f64 = 0.1;
+
+/// What goes wrong at the fifth step.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Flaw {
+    None,
+    Fails,
+    Panics,
+    MeasuresNan,
+    FreezesClock,
+    TurnsClockBack,
+    CrawlsClock,
+    CannotStop,
+    FailsAtOnce,
+}
+
+/// Follows its command within one period; x is the path.
+struct Fake {
+    flaw: Flaw,
+    steps: usize,
+    t: f64,
+    v: f64,
+    x: f64,
+    stops: Arc<AtomicUsize>,
+}
+
+fn lost() -> RobotError {
+    RobotError::Connection("cable cut".to_owned())
+}
+
+impl Robot for Fake {
+    fn inputs(&self) -> &[Channel] {
+        &INPUTS
+    }
+    fn outputs(&self) -> &[Channel] {
+        &OUTPUTS
+    }
+    fn period(&self) -> f64 {
+        PERIOD
+    }
+    fn measure(&mut self, measured: &mut [f64]) -> Result<f64, RobotError> {
+        if self.flaw == Flaw::FailsAtOnce {
+            return Err(lost());
+        }
+        measured.copy_from_slice(&[self.v, self.x]);
+        Ok(self.t)
+    }
+    fn step(&mut self, command: &[f64], measured: &mut [f64]) -> Result<f64, RobotError> {
+        assert_eq!(self.stops.load(Ordering::Relaxed), 0, "commanded after a stop");
+        self.steps += 1;
+        self.v = command[0];
+        self.x += PERIOD * self.v;
+        let mut advance = PERIOD;
+        if self.steps >= 5 {
+            match self.flaw {
+                Flaw::Fails => return Err(lost()),
+                Flaw::Panics => panic!("driver bug"),
+                Flaw::MeasuresNan => self.x = f64::NAN,
+                Flaw::FreezesClock => advance = 0.0,
+                Flaw::TurnsClockBack => advance = -1.0,
+                Flaw::CrawlsClock => advance = 1e-6,
+                _ => {}
+            }
+        }
+        self.t += advance;
+        measured.copy_from_slice(&[self.v, self.x]);
+        Ok(self.t)
+    }
+    fn stop(&mut self) -> Result<(), RobotError> {
+        self.stops.fetch_add(1, Ordering::Relaxed);
+        if self.flaw == Flaw::CannotStop { Err(lost()) } else { Ok(()) }
+    }
+}
+
+/// v_ref = 1 + t, or something worse.
+#[derive(Debug, Serialize, Deserialize)]
+enum Signal {
+    Ramp,
+    Nan,
+    Panic,
+    Unfit,
+    Endless,
+}
+
+#[typetag::serde]
+impl Excitation for Signal {
+    fn about(&self) -> String {
+        "a ramp".to_owned()
+    }
+    fn duration(&self) -> f64 {
+        if matches!(self, Self::Endless) { f64::INFINITY } else { 1.0 }
+    }
+    fn check(&self, _: &[Channel]) -> Result<(), ExcitationError> {
+        match self {
+            Self::Unfit => Err(ExcitationError::UnknownChannel { channel: "u_left".to_owned(), available: "v_ref".to_owned() }),
+            _ => Ok(()),
+        }
+    }
+    fn command(&self, t: f64, _: &[Channel], command: &mut [f64]) {
+        command[0] = match self {
+            Self::Nan if t > 0.25 => f64::NAN,
+            Self::Panic if t > 0.25 => panic!("excitation bug"),
+            _ => 1.0 + t,
+        };
+    }
+}
+
+/// A robot with its clock at 100 s, and the count of its stops.
+fn fake(flaw: Flaw) -> (Live, Arc<AtomicUsize>) {
+    let stops = Arc::new(AtomicUsize::new(0));
+    let robot = Fake { flaw, steps: 0, t: 100.0, v: 0.0, x: 0.0, stops: stops.clone() };
+    (Live::new(Box::new(robot)), stops)
+}
+
+/// Drives a flawed robot: the error, and how often it was stopped before the guard went.
+fn failing(flaw: Flaw, signal: &Signal) -> (DriveError, usize) {
+    let (mut robot, stops) = fake(flaw);
+    let error = drive(&mut robot, signal, DriveOptions::default()).unwrap_err();
+    (error, stops.load(Ordering::Relaxed))
+}
+
+fn rows(error: &DriveError) -> usize {
+    error.recorded.as_ref().map_or(0, |r| r.rows())
+}
+
+#[test]
+fn a_row_holds_the_measurement_and_the_command_that_follows_it() {
+    let (mut robot, stops) = fake(Flaw::None);
+    let recording = drive(&mut robot, &Signal::Ramp, DriveOptions::default()).unwrap();
+    assert_eq!(stops.load(Ordering::Relaxed), 1);
+    assert_eq!(recording.rows(), 11);
+    assert_eq!(recording.columns().iter().map(|c| c.name.as_str()).collect::<Vec<_>>(), ["v_ref", "v", "x"]);
+    let (t, v_ref, v) = (recording.time(), recording.column("v_ref").unwrap(), recording.column("v").unwrap());
+    assert_eq!((t[0], v[0]), (0.0, 0.0));
+    for k in 0..11 {
+        assert!((t[k] - 0.1 * k as f64).abs() < 1e-9);
+        assert!((v_ref[k] - 1.0 - t[k]).abs() < 1e-9);
+        assert!(k == 0 || v[k] == v_ref[k - 1]);
+    }
+}
+
+#[test]
+fn duration_and_observer_are_the_callers() {
+    let (mut robot, _) = fake(Flaw::None);
+    let mut seen = Vec::new();
+    let mut observer = |p: &DriveProgress<'_>| seen.push((p.t, p.duration, p.command[0], p.measured[0]));
+    let options = DriveOptions { duration: Some(0.3), observer: Some(&mut observer), ..DriveOptions::default() };
+    let recording = drive(&mut robot, &Signal::Ramp, options).unwrap();
+    assert_eq!(recording.rows(), 4);
+    assert_eq!(seen.len(), 4);
+    assert_eq!(seen[3], (recording.time()[3], 0.3, recording.column("v_ref").unwrap()[3], recording.column("v").unwrap()[3]));
+}
+
+#[test]
+fn a_fault_keeps_the_rows_before_it_and_stops_the_robot() {
+    for (flaw, kept, message) in [
+        (Flaw::Fails, 5, "no connection to the robot: cable cut; 5 rows were kept; the robot was stopped"),
+        (Flaw::MeasuresNan, 5, "the robot measured `x` = NaN at t = 0.500 s; 5 rows"),
+        (Flaw::FreezesClock, 5, "the robot's clock does not advance: 0.400000 s after 0.400000 s"),
+        (Flaw::TurnsClockBack, 5, "the robot's clock does not advance: -0.600000 s after 0.400000 s"),
+        (Flaw::FailsAtOnce, 0, "cable cut; 0 rows were kept"),
+    ] {
+        let (error, stops) = failing(flaw, &Signal::Ramp);
+        assert_eq!((rows(&error), stops), (kept, 1), "{flaw:?}");
+        assert!(error.to_string().contains(message), "{error}");
+    }
+}
+
+#[test]
+fn a_clock_that_crawls_does_not_drive_for_ever() {
+    let (error, stops) = failing(Flaw::CrawlsClock, &Signal::Ramp);
+    assert!(matches!(error.fault, DriveFault::SlowClock { steps: 100, .. }), "{error}");
+    assert_eq!((rows(&error), stops), (101, 1));
+}
+
+#[test]
+fn an_excitation_that_is_wrong_sends_nothing() {
+    let (error, stops) = failing(Flaw::None, &Signal::Nan);
+    assert!(error.to_string().contains("command `v_ref` is NaN at t = 0.300 s"), "{error}");
+    assert_eq!((rows(&error), stops), (3, 1));
+    let (error, stops) = failing(Flaw::None, &Signal::Unfit);
+    assert!(matches!(error.fault, DriveFault::Excitation(_)));
+    assert_eq!((rows(&error), stops), (0, 1));
+    let (error, _) = failing(Flaw::None, &Signal::Endless);
+    assert!(error.to_string().contains("the drive's duration is inf s"), "{error}");
+}
+
+#[test]
+fn a_panic_stops_the_robot() {
+    for (flaw, signal) in [(Flaw::Panics, Signal::Ramp), (Flaw::None, Signal::Panic)] {
+        let (mut robot, stops) = fake(flaw);
+        let outcome =
+            std::panic::catch_unwind(std::panic::AssertUnwindSafe(move || drive(&mut robot, &signal, DriveOptions::default()).map(drop)));
+        assert!(outcome.is_err());
+        assert_eq!(stops.load(Ordering::Relaxed), 1, "{flaw:?}");
+    }
+}
+
+#[test]
+fn the_stop_flag_ends_the_drive_before_the_next_command() {
+    let (mut robot, stops) = fake(Flaw::None);
+    let flag = AtomicBool::new(false);
+    let mut observer = |p: &DriveProgress<'_>| flag.store(p.t > 0.25, Ordering::Relaxed);
+    let options = DriveOptions { stop: Some(&flag), observer: Some(&mut observer), ..DriveOptions::default() };
+    let error = drive(&mut robot, &Signal::Ramp, options).unwrap_err();
+    assert!(matches!(error.fault, DriveFault::Interrupted { .. }));
+    let recorded = error.recorded.unwrap();
+    assert_eq!((recorded.rows(), stops.load(Ordering::Relaxed)), (4, 1));
+    assert_eq!(recorded.column("v").unwrap()[3], recorded.column("v_ref").unwrap()[2], "no command after the flag");
+}
+
+#[test]
+fn a_robot_that_cannot_be_stopped_is_reported_with_the_whole_recording() {
+    let (error, _) = failing(Flaw::CannotStop, &Signal::Ramp);
+    assert_eq!(rows(&error), 11);
+    assert!(error.to_string().contains("COULD NOT BE STOPPED"), "{error}");
+}

@@ -1,0 +1,244 @@
+//! Effects between command and drive against integrations with very small steps, each equation written anew.
+
+use crate::rig;
+
+use crate::common::{HALF_TRACK, base, data, difference, held, model, scene};
+use wheelwright_core::effect::{Effect, Estimate};
+use wheelwright_diagnosis::effects::{
+    ActuatorLag, Axis, BatterySag, CommandDelay, CommandOffset, DeadZone, GainAsymmetry, IntegralAction, SlewLimit, TorqueSaturation,
+    VelocitySaturation, Wheel,
+};
+
+/// Left and right of forward and turning.
+fn wheels([v, w]: [f64; 2]) -> [f64; 2] {
+    [v - HALF_TRACK * w, v + HALF_TRACK * w]
+}
+
+/// Forward and turning of left and right.
+fn body([l, r]: [f64; 2]) -> [f64; 2] {
+    [(l + r) / 2.0, (r - l) / (2.0 * HALF_TRACK)]
+}
+
+/// Times at which commands arrive that are late by `tau`.
+fn late(tau: f64) -> Vec<f64> {
+    data(&*model()).stretches[0].time.iter().map(|t| t + tau).collect()
+}
+
+#[test]
+fn a_delay_of_each_axis_shifts_each_command_by_itself() {
+    let [forward, turn] = [0.137, 0.044];
+    let switches = [late(forward), late(turn)].concat();
+    let error = difference(&[&CommandDelay { each_axis: true }], &[forward, turn], &switches, [0.3, 0.2], |s, t, x| {
+        base([held(s, t - forward)[0], held(s, t - turn)[1]], x)
+    });
+    assert!(error < 5e-5, "{error}");
+}
+
+#[test]
+fn a_lag_of_each_axis_filters_each_command_by_itself() {
+    let [forward, turn] = [0.03, 0.22];
+    let lag = ActuatorLag { each_axis: true, resonant: false };
+    let error = difference(&[&lag], &[forward, turn], &[], [0.3, 0.2, 0.3, 0.2], |s, t, x| {
+        let (u, a) = (held(s, t), base([x[2], x[3]], x));
+        [a[0], a[1], (u[0] - x[2]) / forward, (u[1] - x[3]) / turn]
+    });
+    assert!(error < 5e-5, "{error}");
+}
+
+#[test]
+fn a_resonance_rings() {
+    for (tau, damping) in [(0.02, 0.15), (0.09, 0.5), (0.09, 1.0)] {
+        let lag = ActuatorLag { each_axis: false, resonant: true };
+        let error = difference(&[&lag], &[tau, damping], &[], [0.3, 0.2, 0.3, 0.2, 0.0, 0.0], |s, t, x| {
+            let (u, a) = (held(s, t), base([x[2], x[3]], x));
+            let pull = |u: f64, y: f64, slope: f64| (u - y - 2.0 * damping * tau * slope) / (tau * tau);
+            [a[0], a[1], x[4], x[5], pull(u[0], x[2], x[4]), pull(u[1], x[3], x[5])]
+        });
+        assert!(error < 1e-4, "{tau} s, {damping}: {error}");
+    }
+}
+
+#[test]
+fn a_dead_zone_lets_no_small_command_pass() {
+    let d = 0.11;
+    let width = 0.008 * scene().scales.command;
+    let jump = |u: f64| 0.5 * u * (1.0 + ((u.abs() - d) / width).tanh());
+    let less = |u: f64| {
+        if u > d {
+            u - d
+        } else if u < -d {
+            u + d
+        } else {
+            0.0
+        }
+    };
+    let both = difference(&[&DeadZone::default()], &[d], &[], [0.3, 0.2], |s, t, x| base(body(wheels(held(s, t)).map(jump)), x));
+    let subtracting = DeadZone { subtracting: true, ..DeadZone::default() };
+    let soft = difference(&[&subtracting], &[d], &[], [0.3, 0.2], |s, t, x| base(body(wheels(held(s, t)).map(less)), x));
+    let left = DeadZone { wheel: Some(Wheel::Left), ..DeadZone::default() };
+    let left = difference(&[&left], &[d], &[], [0.3, 0.2], |s, t, x| {
+        let [l, r] = wheels(held(s, t));
+        base(body([jump(l), r]), x)
+    });
+    let turning = DeadZone { axis: Some(Axis::Omega), ..DeadZone::default() };
+    let turning = difference(&[&turning], &[d], &[], [0.3, 0.2], |s, t, x| {
+        let [v, w] = held(s, t);
+        base([v, jump(w)], x)
+    });
+    for error in [both, soft, left, turning] {
+        assert!(error < 5e-5, "{both} {soft} {left} {turning}");
+    }
+}
+
+#[test]
+fn a_limit_clips_wheels_or_an_axis() {
+    let m = 0.33;
+    let clip = |u: f64| u.max(-m).min(m);
+    let both = difference(&[&VelocitySaturation::default()], &[m], &[], [0.3, 0.2], |s, t, x| base(body(wheels(held(s, t)).map(clip)), x));
+    let forward = VelocitySaturation { axis: Some(Axis::V), wheel: None };
+    let forward = difference(&[&forward], &[m], &[], [0.3, 0.2], |s, t, x| {
+        let [v, w] = held(s, t);
+        base([clip(v), w], x)
+    });
+    assert!(both < 5e-5 && forward < 5e-5, "{both} {forward}");
+}
+
+#[test]
+fn before_a_robot_that_stands_still_nothing_was_commanded() {
+    let mut rig = rig::body();
+    let moving = rig.run(&[&CommandDelay::default()], &[0.2]);
+    rig.data.stretches[0].outputs.iter_mut().for_each(|c| c[0] = 0.0);
+    rig.start = [0.0, 0.0];
+    let still = rig.run(&[&CommandDelay::default()], &[0.2]);
+    let ramped = rig.run(&[&SlewLimit::default()], &[0.4, 1.3]);
+    let first = rig.stretch().time.iter().position(|t| *t > 0.2).unwrap();
+    assert!((1..first).all(|k| still[0][k] == 0.0 && moving[0][k] != 0.0), "{:?}", &still[0][..first]);
+    assert!(still[0][first + 2] > 0.0, "the first command takes effect after its delay");
+    // A ramp of rate a passes through a lag: y = a (t − T + T e^{−t/T}) / th4 at most.
+    let (t, lag) = (rig.stretch().time[2], 0.26 / 1.02);
+    let risen = 0.4 / 1.02 * (t - lag + lag * (-t / lag).exp());
+    assert!((ramped[0][2] / risen - 1.0).abs() < 1e-3, "{} {risen}", ramped[0][2]);
+}
+
+/// A ramp as a very fast pursuit of limited speed.
+fn ramp(goal: f64, at: f64, rate: f64) -> f64 {
+    ((goal - at) / 1e-4).max(-rate).min(rate)
+}
+
+#[test]
+fn a_ramp_bounds_the_rate_of_each_axis() {
+    for (forward, turn) in [(0.4, 1.3), (3.0, 0.8)] {
+        let error = difference(&[&SlewLimit::default()], &[forward, turn], &[], [0.3, 0.2, 0.3, 0.2], |s, t, x| {
+            let (u, a) = (held(s, t), base([x[2], x[3]], x));
+            [a[0], a[1], ramp(u[0], x[2], forward), ramp(u[1], x[3], turn)]
+        });
+        assert!(error < 5e-5, "{forward} {turn}: {error}");
+    }
+}
+
+#[test]
+fn a_ramp_may_act_on_wheels_or_on_one_axis() {
+    let wheel = SlewLimit { wheels: true, axis: None };
+    let [l, r] = wheels([0.3, 0.2]);
+    let at_wheels = difference(&[&wheel], &[0.7], &[], [0.3, 0.2, l, r], |s, t, x| {
+        let ([l, r], a) = (wheels(held(s, t)), base(body([x[2], x[3]]), x));
+        [a[0], a[1], ramp(l, x[2], 0.7), ramp(r, x[3], 0.7)]
+    });
+    let turning = SlewLimit { wheels: false, axis: Some(Axis::Omega) };
+    let turning = difference(&[&turning], &[1.1], &[], [0.3, 0.2, 0.2], |s, t, x| {
+        let (u, a) = (held(s, t), base([held(s, t)[0], x[2]], x));
+        [a[0], a[1], ramp(u[1], x[2], 1.1)]
+    });
+    assert!(at_wheels < 5e-5 && turning < 5e-5, "{at_wheels} {turning}");
+}
+
+#[test]
+fn a_stronger_wheel_makes_the_robot_veer() {
+    let g = 0.07;
+    let error = difference(&[&GainAsymmetry::default()], &[g], &[], [0.3, 0.2], |s, t, x| {
+        let [l, r] = wheels(held(s, t));
+        base(body([(1.0 - g) * l, (1.0 + g) * r]), x)
+    });
+    assert!(error < 5e-5, "{error}");
+}
+
+#[test]
+fn a_battery_runs_down() {
+    let k = 0.006;
+    let error = difference(&[&BatterySag::default()], &[k], &[], [0.3, 0.2], |s, t, x| base(held(s, t).map(|u| u * (1.0 - k * t)), x));
+    assert!(error < 5e-5, "{error}");
+}
+
+#[test]
+fn an_offset_is_added() {
+    let error = difference(&[&CommandOffset {}], &[0.04, -0.09], &[], [0.3, 0.2], |s, t, x| {
+        let [v, w] = held(s, t);
+        base([v + 0.04, w - 0.09], x)
+    });
+    assert!(error < 5e-5, "{error}");
+}
+
+#[test]
+fn loops_integrate_their_error() {
+    for (forward, turn) in [(0.4, 0.0), (2.5, 6.0)] {
+        let error = difference(&[&IntegralAction {}], &[forward, turn], &[], [0.3, 0.2, 0.0, 0.0], |s, t, x| {
+            let u = held(s, t);
+            let a = base([u[0] + x[2], u[1] + x[3]], x);
+            [a[0], a[1], forward * (u[0] - x[0]), turn * (u[1] - x[1])]
+        });
+        assert!(error < 1e-4, "{forward} {turn}: {error}");
+    }
+}
+
+#[test]
+fn a_drive_pulls_no_harder_than_its_limit() {
+    for (limit, rho) in [(0.1, 1.0), (0.16, 1.9)] {
+        let error = difference(&[&TorqueSaturation {}], &[limit, rho], &[], [0.3, 0.2], |s, t, x| {
+            let u = held(s, t);
+            // Each wheel pulls by what its share of both loops asks for, up to the limit.
+            let asked = wheels([u[0] - x[0], (u[1] - x[1]) / rho]);
+            let [forward, turn] = body(asked.map(|e| e.max(-limit).min(limit)));
+            base([x[0] + forward, x[1] + rho * turn], x)
+        });
+        assert!(error < 2e-4, "{limit} {rho}: {error}");
+    }
+}
+
+#[test]
+fn effects_of_the_command_side_pass_it_on_in_their_order() {
+    let (tau, rate, d, m, g, lag) = (0.06, 1.5, 0.05, 0.4, 0.04, 0.09);
+    let soft = DeadZone { subtracting: true, ..DeadZone::default() };
+    let effects: [&dyn wheelwright_core::Effect; 6] = [
+        &ActuatorLag::default(),
+        &GainAsymmetry::default(),
+        &VelocitySaturation::default(),
+        &soft,
+        &SlewLimit { wheels: false, axis: Some(Axis::V) },
+        &CommandDelay::default(),
+    ];
+    let pass = |forward: f64, turn: f64| {
+        let passed = wheels([forward, turn]).map(|u| u.signum() * (u.abs() - d).max(0.0)).map(|u| u.max(-m).min(m));
+        body([(1.0 - g) * passed[0], (1.0 + g) * passed[1]])
+    };
+    let [forward, turn] = pass(0.3, 0.2);
+    let error = difference(&effects, &[lag, g, m, d, rate, tau], &late(tau), [0.3, 0.2, 0.3, forward, turn], |s, t, x| {
+        let u = held(s, t - tau);
+        let (passed, a) = (pass(x[2], u[1]), base([x[3], x[4]], x));
+        [a[0], a[1], ramp(u[0], x[2], rate), (passed[0] - x[3]) / lag, (passed[1] - x[4]) / lag]
+    });
+    assert!(error < 2e-4, "{error}");
+}
+
+/// A filter whose response has a peak is something elastic; one that is merely of second order is a lag.
+#[test]
+fn a_drive_that_rings_is_more_than_a_lag() {
+    let lag = ActuatorLag { each_axis: false, resonant: true };
+    let at = |damping: f64, half: f64| {
+        let values = [(0.05, 0.001), (damping, half)];
+        lag.beyond(&values.map(|(value, half)| Estimate { value, ci95: Some((value - half, value + half)) }))
+    };
+    assert!(at(0.3, 0.02).is_some_and(|s| s.contains("3.18 Hz")), "{:?}", at(0.3, 0.02));
+    assert_eq!(at(0.9, 0.02), None);
+    assert_eq!(at(0.6, 0.3), None, "it may as well not ring");
+    assert_eq!(ActuatorLag::default().beyond(&[Estimate { value: 0.05, ci95: None }]), None);
+}

@@ -1,0 +1,231 @@
+//! The whole search on recordings whose truth is known: what is hidden is named with its size, nothing is named where nothing is
+//! hidden, and what cannot be told apart is said to be so.
+
+use rand::rngs::StdRng;
+use rand::{Rng, SeedableRng};
+use rand_distr::{Distribution, StandardNormal};
+use wheelwright_core::effect::{Effect, EffectSimulator, Scene};
+use wheelwright_core::{Dataset, ModelConfig, RegressorModel, Stretch};
+use wheelwright_diagnosis::effects::{
+    ActuatorLag, Axis, CommandDelay, CommandOffset, CoulombFriction, GainAsymmetry, LateralComOffset, QuadraticDrag, SlewLimit,
+    VelocitySaturation,
+};
+use wheelwright_diagnosis::{Diagnosis, DiagnosisError, Question, Verdict, diagnose};
+use wheelwright_models::VwPdConfig;
+
+const THETA: [f64; 6] = [0.24, 0.18, -0.01, 1.02, 0.03, 1.05];
+const TRACK: f64 = 0.34;
+const NOISE: f64 = 0.01;
+
+fn model() -> Box<dyn RegressorModel> {
+    VwPdConfig::default().build().unwrap()
+}
+
+/// A small library, so that a test takes no longer than it must.
+fn library() -> Vec<Box<dyn Effect>> {
+    vec![
+        Box::new(CommandDelay::default()),
+        Box::new(ActuatorLag::default()),
+        Box::new(CoulombFriction::default()),
+        Box::new(QuadraticDrag::default()),
+        Box::new(GainAsymmetry::default()),
+        Box::new(VelocitySaturation::default()),
+        Box::new(CommandOffset {}),
+    ]
+}
+
+/// Steps of random length, in both directions or in one.
+fn commands(random: &mut StdRng, rows: usize, reverses: bool) -> Stretch {
+    let (mut v, mut w) = (0.3, 0.0);
+    let mut inputs = vec![Vec::new(), Vec::new()];
+    for _ in 0..rows {
+        if random.random_bool(0.06) {
+            v = if reverses { random.random_range(-0.5..0.6) } else { random.random_range(0.25..0.6) };
+            w = random.random_range(-1.0..1.0) * if reverses { 1.0 } else { 0.5 };
+        }
+        inputs[0].push(v);
+        inputs[1].push(w);
+    }
+    let time = (0..rows).map(|k| 0.05 * k as f64).collect();
+    let mut outputs = inputs.clone();
+    // The robot stands still when the recording begins, with a command just given.
+    outputs.iter_mut().for_each(|c| c[0] = 0.0);
+    Stretch { label: "1".to_owned(), time, outputs, inputs }
+}
+
+/// A recording of a model with effects, under noise that remembers `colour` of itself.
+fn record(seed: u64, rows: usize, reverses: bool, effects: &[(&dyn Effect, &[f64])], colour: f64) -> Dataset {
+    let model = model();
+    let mut random = StdRng::seed_from_u64(seed);
+    let stretch = commands(&mut random, rows, reverses);
+    let mut data = Dataset { inputs: model.inputs().to_vec(), outputs: model.outputs().to_vec(), stretches: vec![stretch] };
+    let scene = Scene::new(&data, &*model, TRACK, None, None);
+    let list: Vec<&dyn Effect> = effects.iter().map(|e| e.0).collect();
+    let values: Vec<f64> = effects.iter().flat_map(|e| e.1.iter().copied()).collect();
+    let mut simulator = EffectSimulator::new(&*model, &THETA, &list, &scene).unwrap();
+    simulator.set(&THETA, &values).unwrap();
+    simulator.set_substeps(4);
+    let mut run = vec![Vec::new(); 2];
+    simulator.run(0, &data.stretches[0], &[0.0, 0.0], &mut run).unwrap();
+    for (i, series) in run.iter_mut().enumerate() {
+        let mut e = 0.0;
+        for x in series.iter_mut() {
+            let fresh: f64 = StandardNormal.sample(&mut random);
+            e = colour * e + (1.0 - colour * colour).sqrt() * fresh;
+            *x += NOISE * [1.0, 2.0][i] * e;
+        }
+    }
+    data.stretches[0].outputs = run;
+    data
+}
+
+fn ask(training: &Dataset, held_out: Option<&Dataset>) -> Diagnosis {
+    let (model, library) = (model(), library());
+    let mut question = Question::new(&*model, training, &library);
+    question.held_out = held_out;
+    question.track_width = Some(TRACK);
+    diagnose(&question).unwrap()
+}
+
+fn names(diagnosis: &Diagnosis) -> Vec<&str> {
+    diagnosis.effects.iter().map(|e| e.name.as_str()).collect()
+}
+
+#[test]
+fn nothing_is_named_where_nothing_is_hidden_white_or_coloured() {
+    for (seed, colour) in [(1, 0.0), (2, 0.0), (3, 0.8), (4, 0.8)] {
+        let diagnosis = ask(&record(seed, 1200, seed % 2 == 0, &[], colour), None);
+        assert_eq!(diagnosis.verdict, Verdict::NoMismatch, "{seed}: {:?} {:?}", names(&diagnosis), diagnosis.warnings);
+    }
+}
+
+#[test]
+fn what_is_hidden_is_named_with_its_size_within_its_interval() {
+    let (friction, delay, drag) = (CoulombFriction::default(), CommandDelay::default(), QuadraticDrag::default());
+    let cases: [(&dyn Effect, &[f64], usize); 3] = [(&friction, &[0.03, 1.0], 0), (&delay, &[0.12], 0), (&drag, &[0.25, 0.1], 0)];
+    for (seed, (effect, values, which)) in cases.into_iter().enumerate() {
+        let held = record(100 + seed as u64, 800, true, &[(effect, values)], 0.0);
+        let diagnosis = ask(&record(10 + seed as u64, 1600, true, &[(effect, values)], 0.0), Some(&held));
+        assert_eq!(names(&diagnosis), [effect.name()], "{:?}", diagnosis.headline);
+        let found = &diagnosis.effects[0].parameters[which];
+        let (low, high) = found.ci95.unwrap();
+        let margin = 0.5 * (high - low);
+        assert!(low - margin < values[which] && values[which] < high + margin, "{found:?} for {}", values[which]);
+        for (before, (after, ceiling)) in
+            diagnosis.fit.before.iter().zip(diagnosis.fit.after.iter().zip(diagnosis.fit.noise_ceiling.as_ref().unwrap()))
+        {
+            assert!(after + 0.02 * after.abs() > *before && ceiling - after < 0.6, "{before} {after} {ceiling}");
+        }
+    }
+}
+
+#[test]
+fn two_at_once_are_both_named() {
+    let (friction, delay) = (CoulombFriction::default(), CommandDelay::default());
+    let hidden: [(&dyn Effect, &[f64]); 2] = [(&friction, &[0.04, 1.0]), (&delay, &[0.15])];
+    let diagnosis = ask(&record(21, 1600, true, &hidden, 0.0), None);
+    let mut found = names(&diagnosis);
+    found.sort_unstable();
+    assert_eq!(found, ["command_delay", "coulomb_friction"], "{}", diagnosis.headline);
+}
+
+/// A ramp that is always at work hides all else in what looks like coloured noise, and begins at rest.
+#[test]
+fn a_second_effect_is_found_behind_a_ramp_on_both_axes() {
+    let (ramp, offset) = (SlewLimit::default(), LateralComOffset {});
+    let hidden: [(&dyn Effect, &[f64]); 2] = [(&ramp, &[0.15, 0.4]), (&offset, &[0.03, 1.0])];
+    let training = record(61, 1600, true, &hidden, 0.0);
+    let model = model();
+    let mut library = library();
+    library.push(Box::new(SlewLimit::default()));
+    library.extend([Axis::V, Axis::Omega].map(|axis| Box::new(SlewLimit { axis: Some(axis), wheels: false }) as Box<dyn Effect>));
+    library.push(Box::new(LateralComOffset {}));
+    let mut question = Question::new(&*model, &training, &library);
+    question.track_width = Some(TRACK);
+    let diagnosis = diagnose(&question).unwrap();
+    let mut found = names(&diagnosis);
+    found.sort_unstable();
+    found.dedup();
+    assert_eq!(found, ["lateral_com_offset", "slew_limit"], "{}", diagnosis.headline);
+    let rates: Vec<f64> = diagnosis.effects.iter().filter(|e| e.name == "slew_limit").flat_map(|e| e.values.clone()).collect();
+    assert!(rates.iter().any(|r| (r - 0.15).abs() < 0.005) && rates.iter().any(|r| (r - 0.4).abs() < 0.01), "{rates:?}");
+}
+
+#[test]
+fn friction_without_reversals_is_not_told_from_an_offset() {
+    let friction = CoulombFriction::default();
+    let diagnosis = ask(&record(31, 1600, false, &[(&friction, &[0.05, 1.0])], 0.0), None);
+    let named: Vec<&str> = diagnosis
+        .effects
+        .iter()
+        .flat_map(|e| std::iter::once(e.name.as_str()).chain(e.alternatives.iter().map(|a| a.name.as_str())))
+        .collect();
+    assert!(named.contains(&"coulomb_friction") && named.contains(&"command_offset"), "{named:?}");
+}
+
+/// What the training data cannot tell apart, held-out driving of another kind does, without anything being fitted to it.
+#[test]
+fn held_out_reversals_judge_between_friction_and_an_offset() {
+    let (friction, offset) = (CoulombFriction::default(), CommandOffset {});
+    let hidden: [(&dyn Effect, &[f64]); 2] = [(&friction, &[0.05, 1.0]), (&offset, &[-0.05, 0.0])];
+    for (effect, values) in hidden {
+        let training = record(31, 1600, false, &[(effect, values)], 0.0);
+        let diagnosis = ask(&training, Some(&record(32, 800, true, &[(effect, values)], 0.0)));
+        assert_eq!((names(&diagnosis), diagnosis.verdict), (vec![effect.name()], Verdict::Explained), "{}", diagnosis.headline);
+    }
+}
+
+#[test]
+fn the_same_question_has_the_same_answer() {
+    let delay = CommandDelay::default();
+    let data = record(41, 800, true, &[(&delay, &[0.1])], 0.0);
+    assert_eq!(ask(&data, None), ask(&data, None));
+}
+
+#[test]
+fn parameters_that_are_held_stay_and_their_fault_is_found() {
+    let delay = CommandDelay::default();
+    let data = record(51, 1200, true, &[(&delay, &[0.1])], 0.0);
+    let (model, library) = (model(), library());
+    let mut question = Question::new(&*model, &data, &library);
+    question.theta = Some(THETA.to_vec());
+    question.fixed = true;
+    question.track_width = Some(TRACK);
+    let diagnosis = diagnose(&question).unwrap();
+    assert_eq!(names(&diagnosis), ["command_delay"]);
+    assert!(diagnosis.base.iter().zip(THETA).all(|(b, t)| b.before == t && b.after == t && b.ci95.is_none()));
+}
+
+#[test]
+fn what_cannot_be_diagnosed_is_refused_with_a_reason() {
+    let (model, library) = (model(), library());
+    let short = record(61, 30, true, &[], 0.0);
+    assert!(matches!(diagnose(&Question::new(&*model, &short, &library)), Err(DiagnosisError::TooFewSamples { samples: 30, .. })));
+    let mut still = record(62, 400, true, &[], 0.0);
+    still.stretches[0].outputs.iter_mut().flatten().for_each(|x| *x = 0.0);
+    assert_eq!(diagnose(&Question::new(&*model, &still, &library)), Err(DiagnosisError::NoMotion));
+    let data = record(63, 400, true, &[], 0.0);
+    let mut held = Question::new(&*model, &data, &library);
+    held.fixed = true;
+    assert_eq!(diagnose(&held), Err(DiagnosisError::NothingToHold { found: 0, wanted: 6 }));
+    let mut other = data.clone();
+    other.outputs.reverse();
+    assert!(matches!(diagnose(&Question::new(&*model, &other, &library)), Err(DiagnosisError::Channels { .. })));
+}
+
+#[test]
+fn stretches_of_two_samples_and_dead_channels_do_no_harm() {
+    let mut data = record(71, 900, true, &[], 0.0);
+    let whole = data.stretches[0].clone();
+    data.stretches = (0..6).map(|i| whole.slice(150 * i..150 * (i + 1))).collect();
+    data.stretches.push(whole.slice(10..12));
+    data.stretches.push(whole.slice(20..22));
+    assert_eq!(ask(&data, None).verdict, Verdict::NoMismatch);
+    for stretch in &mut data.stretches {
+        stretch.inputs[1].fill(0.0);
+        stretch.outputs[1].fill(0.0);
+    }
+    let (model, library) = (model(), library());
+    let answer = diagnose(&Question::new(&*model, &data, &library));
+    assert!(answer.is_ok_and(|d| d.fit.before.iter().all(|x| x.is_nan() || x.is_finite())));
+}

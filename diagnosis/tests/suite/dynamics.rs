@@ -1,0 +1,372 @@
+//! Effects on the dynamics, each against an integration with very small steps of equations written anew.
+
+use crate::rig::{HALF_TRACK, body, integrate, sides};
+use wheelwright_diagnosis::effects::{
+    Backlash, BatterySag, Between, CastorDrag, CastorKind, CoulombFriction, CoulombFrictionOneWheel, DirectionAsymmetry, GainAsymmetry,
+    LateralComOffset, PayloadChange, QuadraticDrag, RollingResistance, ScrubLaw, SlipLaw, Slope, Speeds, StribeckFriction, TurningScrub,
+    ViscousAsymmetry, Wheel, WheelRadiusMismatch, WheelSlip,
+};
+
+/// Ground speeds of left and right wheel in the body frame.
+fn wheels([v, w]: [f64; 2]) -> [f64; 2] {
+    [v - HALF_TRACK * w, v + HALF_TRACK * w]
+}
+
+/// What forces at the left and right wheel take off the commands of a robot with velocity loops, ρ the turning ratio.
+fn off([left, right]: [f64; 2], ratio: f64) -> [f64; 2] {
+    [0.5 * (left + right), ratio * (right - left) / (2.0 * HALF_TRACK)]
+}
+
+#[test]
+fn coulomb_friction_brakes_each_wheel() {
+    let rig = body();
+    for (c, ratio) in [(0.02, 1.0), (0.06, 1.8)] {
+        let error = rig.load_error(&CoulombFriction::default(), &[c, ratio], |x| off(wheels(x).map(|s| c * rig.sign(s)), ratio));
+        assert!(error < 3e-4, "{error}");
+    }
+    let each = CoulombFriction { each_wheel: true };
+    let error = rig.load_error(&each, &[0.02, 0.05, 1.4], |x| {
+        let [left, right] = wheels(x).map(|s| rig.sign(s));
+        off([0.02 * left, 0.05 * right], 1.4)
+    });
+    assert!(error < 3e-4, "{error}");
+    let rig = sides();
+    let error = rig.load_error(&CoulombFriction::default(), &[0.2], |x| x.map(|s| 0.2 * rig.sign(s)));
+    assert!(error < 3e-4, "{error}");
+    let error = rig.load_error(&each, &[0.2, 0.3], |[l, r]| [0.2 * rig.sign(l), 0.3 * rig.sign(r)]);
+    assert!(error < 3e-4, "{error}");
+}
+
+#[test]
+fn friction_of_one_wheel_leaves_the_other_alone() {
+    let (c, ratio) = (0.07, 1.4);
+    for (wheel, share) in [(Wheel::Left, [1.0, 0.0]), (Wheel::Right, [0.0, 1.0])] {
+        let effect = CoulombFrictionOneWheel { wheel };
+        let rig = body();
+        let force = |s: [f64; 2], c: f64| [share[0] * c * rig.sign(s[0]), share[1] * c * rig.sign(s[1])];
+        let error = rig.load_error(&effect, &[c, ratio], |x| off(force(wheels(x), c), ratio));
+        assert!(error < 3e-4, "{wheel}: {error}");
+        let rig = sides();
+        let force = |s: [f64; 2], c: f64| [share[0] * c * rig.sign(s[0]), share[1] * c * rig.sign(s[1])];
+        let error = rig.load_error(&effect, &[0.3], |x| force(x, 0.3));
+        assert!(error < 3e-4, "{wheel}: {error}");
+    }
+}
+
+#[test]
+fn stribeck_friction_falls_with_speed() {
+    let (c, b, vs, ratio) = (0.02, 0.05, 0.08, 1.3);
+    let rig = body();
+    let law = |s: f64| rig.sign(s) * (c + b * (-(s * s) / (vs * vs)).exp());
+    let error = rig.load_error(&StribeckFriction {}, &[c, b, vs, ratio], |x| off(wheels(x).map(law), ratio));
+    assert!(error < 1e-3, "{error}");
+}
+
+#[test]
+fn rolling_resistance_leaves_turning_alone() {
+    let rig = body();
+    let error = rig.load_error(&RollingResistance {}, &[0.05], |x| [0.05 * rig.sign(x[0]), 0.0]);
+    assert!(error < 3e-4, "{error}");
+    let rig = sides();
+    let error = rig.load_error(&RollingResistance {}, &[0.2], |x| [0.2 * rig.sign(0.5 * (x[0] + x[1])); 2]);
+    assert!(error < 3e-4, "{error}");
+}
+
+#[test]
+fn friction_by_direction() {
+    let (forward, backward, ratio) = (0.02, 0.06, 1.2);
+    let rig = body();
+    let law = |s: f64| {
+        let (c, a) = (0.5 * (forward + backward), (forward - backward) / (forward + backward));
+        c * (1.0 + a * rig.sign(s)) * rig.sign(s)
+    };
+    let error = rig.load_error(&DirectionAsymmetry {}, &[forward, backward, ratio], |x| off(wheels(x).map(law), ratio));
+    assert!(error < 3e-4, "{error}");
+}
+
+#[test]
+fn viscous_friction_by_wheel_and_by_direction() {
+    let (a, ratio) = (0.12, 1.5);
+    let rig = body();
+    let by_wheel = ViscousAsymmetry { between: Between::Wheels };
+    let error = rig.load_error(&by_wheel, &[a, ratio], |[v, w]| [a * HALF_TRACK * w, ratio * a * v / HALF_TRACK]);
+    assert!(error < 1e-4, "{error}");
+    let by_direction = ViscousAsymmetry { between: Between::Directions };
+    let error = rig.load_error(&by_direction, &[a, ratio], |x| off(wheels(x).map(|s| a * s.abs()), ratio));
+    assert!(error < 1e-4, "{error}");
+    let rig = sides();
+    let error = rig.load_error(&by_wheel, &[0.3], |[left, right]| [-0.3 * left, 0.3 * right]);
+    assert!(error < 1e-4, "{error}");
+}
+
+#[test]
+fn quadratic_drag_brakes_both_motions() {
+    let rig = body();
+    let error = rig.load_error(&QuadraticDrag {}, &[0.3, 0.2], |[v, w]| [0.3 * v * v.abs(), 0.2 * w * w.abs()]);
+    assert!(error < 1e-4, "{error}");
+    let rig = sides();
+    let error = rig.load_error(&QuadraticDrag {}, &[0.4, 0.05], |[left, right]| {
+        let (v, w) = (0.5 * (left + right), (right - left) / (2.0 * HALF_TRACK));
+        let (forward, turn) = (0.4 * v * v.abs(), 0.05 * w * w.abs() * HALF_TRACK);
+        [forward - turn, forward + turn]
+    });
+    assert!(error < 1e-4, "{error}");
+}
+
+#[test]
+fn scrub_resists_turning() {
+    let rig = body();
+    let (m, l) = (0.3, 0.2);
+    let patch = TurningScrub { law: ScrubLaw::Patch };
+    // A moment that is all there in place and falls with the slip angle otherwise; smooth at standstill within the kink.
+    let moment = |v: f64, w: f64, kink: f64| m * w / (w * w + v * v / (l * l) + (kink / HALF_TRACK).powi(2)).sqrt();
+    let error = rig.load_error(&patch, &[m, l], |[v, w]| [0.0, moment(v, w, rig.kink)]);
+    assert!(error < 3e-4, "{error}");
+    let understeer = TurningScrub { law: ScrubLaw::Understeer };
+    let error = rig.load_error(&understeer, &[0.8], |[v, w]| [0.0, 0.8 * v * v * w]);
+    assert!(error < 1e-4, "{error}");
+    let rig = sides();
+    let error = rig.load_error(&patch, &[m / HALF_TRACK, l], |[left, right]| {
+        let (v, w) = (0.5 * (left + right), (right - left) / (2.0 * HALF_TRACK));
+        [-moment(v, w, rig.kink), moment(v, w, rig.kink)]
+    });
+    assert!(error < 3e-4, "{error}");
+}
+
+#[test]
+fn a_castor_swings_round_and_drags() {
+    let rig = body();
+    let (d, l, ratio) = (0.2, 0.05, 1.3);
+    for (f, dry, grease) in [(0.06, 0.0, 0.0), (0.02, 0.0008, 0.0004)] {
+        // The direction in which the pivot and the castor's trailing wheel move together at the start.
+        let steady = |v: f64, w: f64| {
+            let rate = |delta: f64| (-v * delta.sin() - d * w * delta.cos()) / l - w;
+            let (mut low, mut high) = (-1.2, 1.2);
+            for _ in 0..60 {
+                let middle = 0.5 * (low + high);
+                if rate(middle) > 0.0 { low = middle } else { high = middle }
+            }
+            low
+        };
+        let start = [rig.start[0], rig.start[1], steady(rig.start[0], rig.start[1])];
+        let kind = CastorKind::Swivel;
+        let error = rig.error(&CastorDrag { kind }, &[f, d, l, dry, grease, ratio], start, &[], |_, u, [v, w, delta]| {
+            let roll = v * delta.cos() - d * w * delta.sin();
+            let swing = (-v * delta.sin() - d * w * delta.cos()) / l - w;
+            // Forces of the ground on the castor's wheel, along it and across it, where it stands.
+            let moment = dry * rig.sign(swing * l) + grease * swing;
+            let (along, across) = (-f * rig.sign(roll), -moment / l);
+            let force = [along * delta.cos() - across * delta.sin(), along * delta.sin() + across * delta.cos()];
+            let place = [-d - l * delta.cos(), -l * delta.sin()];
+            let turn = place[0] * force[1] - place[1] * force[0];
+            let a = (rig.base)([u[0] + force[0], u[1] + ratio / (HALF_TRACK * HALF_TRACK) * turn], [v, w]);
+            [a[0], a[1], swing]
+        });
+        assert!(error < 1e-3, "{error}");
+    }
+}
+
+#[test]
+fn a_ball_slides_against_its_motion() {
+    let rig = body();
+    let (f, d, ratio) = (0.05, 0.2, 1.2);
+    let error = rig.load_error(&CastorDrag { kind: CastorKind::Ball }, &[f, d, ratio], |[v, w]| {
+        let slide = v.hypot(d * w).hypot(rig.kink);
+        [f * v / slide, ratio * f * d * d / (HALF_TRACK * HALF_TRACK) * w / slide]
+    });
+    assert!(error < 1e-3, "{error}");
+}
+
+/// Wheels of unequal radii by virtual power: rates that the loops take for x̂ = x − E x push with P (u − x̂), and the push at each wheel
+/// counts at the ground by the same (I − E). With equal friction on both axes the effect's equation is exact to first order in E.
+#[test]
+fn unequal_wheels_couple_what_the_loops_keep() {
+    let rig = body();
+    let (e, h) = (0.08, HALF_TRACK);
+    for ratio in [1.0, 1.4] {
+        let ground = WheelRadiusMismatch { speeds: Speeds::Ground, ..WheelRadiusMismatch::default() };
+        let error = rig.error(&ground, &[e, ratio], rig.start, &[], |_, u, [v, w]| {
+            let [a, b] = (rig.base)([0.0, 0.0], [v, w]);
+            // Coefficients of the base: acceleration by one unit of input.
+            let by = (rig.base)([1.0, 1.0], [v, w]);
+            let (th1, th2) = (1.0 / (by[0] - a), 1.0 / (by[1] - b));
+            let used = [-th1 * a, -th2 * b];
+            let drive = [u[0] - used[0] + 0.5 * e * h * used[1], u[1] - used[1] + 0.5 * e / h * used[0]];
+            let push = [u[0] - used[0], u[1] - used[1]];
+            [(drive[0] - 0.5 * e * h / ratio * push[1]) / th1, (drive[1] - 0.5 * e * ratio / h * push[0]) / th2]
+        });
+        assert!(error < 1e-3, "{error}");
+        // Kinetic energy of the robot in what its encoders say: x = x̂ − E x̂, masses th1 and th2 h²/ρ beside it.
+        let encoders = WheelRadiusMismatch { speeds: Speeds::Encoders, ..WheelRadiusMismatch::default() };
+        let error = rig.error(&encoders, &[e, ratio], rig.start, &[], |_, u, x| {
+            let [a, b] = (rig.base)([0.0, 0.0], x);
+            let by = (rig.base)([1.0, 1.0], x);
+            let (th1, th2) = (1.0 / (by[0] - a), 1.0 / (by[1] - b));
+            let (mass, inertia) = (th1, th2 * h * h / ratio);
+            let off = -0.5 * e * (mass * h + inertia / h);
+            let force = [u[0] + th1 * a, (u[1] + th2 * b) * h * h / ratio];
+            let determinant = mass * inertia - off * off;
+            [(inertia * force[0] - off * force[1]) / determinant, (mass * force[1] - off * force[0]) / determinant]
+        });
+        assert!(error < 1e-3, "{error}");
+    }
+}
+
+/// Loops that are stronger at one wheel, or weaker by the minute, drive by what they see between command and motion.
+#[test]
+fn a_loop_with_another_gain_pushes_by_its_own_error() {
+    let rig = body();
+    let g = 0.2;
+    let error = rig.error(&GainAsymmetry { servo: true }, &[g], rig.start, &[], |_, u, x| {
+        let [left, right] = [0, 1].map(|i| wheels(u)[i] - wheels(x)[i]);
+        let added = [0.5 * g * (right - left), g * (right + left) / (2.0 * HALF_TRACK)];
+        (rig.base)([u[0] + added[0], u[1] + added[1]], x)
+    });
+    assert!(error < 1e-3, "{error}");
+    let k = 0.01;
+    let error = rig.error(&BatterySag { servo: true }, &[k], rig.start, &[], |t, u, x| {
+        let lost = k * (t - rig.stretch().time[0]);
+        (rig.base)([0, 1].map(|i| u[i] - lost * (u[i] - x[i])), x)
+    });
+    assert!(error < 1e-3, "{error}");
+}
+
+#[test]
+fn a_slope_pulls_by_the_measured_heading() {
+    let rig = body();
+    let (c, s, share) = (0.05, -0.08, 0.9);
+    let stretch = rig.stretch();
+    // Heading by trapezoids over the record, straight between samples.
+    let mut heading = vec![0.0];
+    for k in 1..stretch.len() {
+        let mean = 0.5 * (stretch.outputs[1][k - 1] + stretch.outputs[1][k]);
+        heading.push(heading[k - 1] + mean * (stretch.time[k] - stretch.time[k - 1]));
+    }
+    let at = |t: f64| {
+        let k = (stretch.time.partition_point(|x| *x <= t).max(1) - 1).min(stretch.len() - 2);
+        heading[k] + (heading[k + 1] - heading[k]) * (t - stretch.time[k]) / (stretch.time[k + 1] - stretch.time[k])
+    };
+    let error = rig.error(&Slope {}, &[c, s, share], rig.start, &[], |t, u, x| {
+        let psi = at(t);
+        // Gravity in the world, −(c, s), seen from the body.
+        let (along, across) = (-c * psi.cos() - s * psi.sin(), c * psi.sin() - s * psi.cos());
+        (rig.base)([u[0] + along, u[1] + share * across], x)
+    });
+    assert!(error < 1e-4, "{error}");
+}
+
+#[test]
+fn a_payload_changes_inertia_from_its_time_on() {
+    let rig = body();
+    for time in [17.3456, rig.stretch().time[200]] {
+        let (d1, d2, d5) = (0.8, 0.5, 0.06);
+        let error = rig.error(&PayloadChange {}, &[time, d1, d2, d5], rig.start, &[time], |t, u, [v, w]| {
+            let on = if t >= time { 1.0 } else { 0.0 };
+            let (th1, th2) = (0.26 * (1.0 + on * d1), 0.19 * (1.0 + on * d2));
+            let (th3, th5) = (-0.01 + on * HALF_TRACK * HALF_TRACK * d5, 0.05 + on * d5);
+            [(u[0] + th3 * w * w - 1.02 * v) / th1, (u[1] - th5 * v * w - 1.05 * w) / th2]
+        });
+        assert!(error < 1e-4, "{error}");
+    }
+    let rig = sides();
+    let (time, d1, d2) = (20.01, 0.6, 1.2);
+    let error = rig.error(&PayloadChange {}, &[time, d1, d2, 0.0], rig.start, &[time], |t, u, x| {
+        let left = (u[0] - 2.5 * x[0], u[1] - 2.4 * x[1]);
+        let (sum, difference) = (0.5 * (left.0 + left.1), 0.5 * (left.1 - left.0));
+        let (sum, difference) = if t >= time { (sum / (1.0 + d1), difference / (1.0 + d2)) } else { (sum, difference) };
+        [(sum - difference) / 0.4, (sum + difference) / 0.45]
+    });
+    assert!(error < 1e-4, "{error}");
+}
+
+#[test]
+fn a_lateral_centre_of_mass_couples_the_axes_as_a_rigid_body_does() {
+    let rig = body();
+    let (y, ratio) = (0.05, 1.4);
+    let (th7, th8) = (0.26 * y, ratio * 0.26 * y / (HALF_TRACK * HALF_TRACK));
+    let error = rig.error(&LateralComOffset {}, &[y, ratio], rig.start, &[], |_, u, [v, w]| {
+        let (p, q) = (u[0] - 0.01 * w * w - 1.02 * v, u[1] - 0.05 * v * w - 1.05 * w);
+        // th1 a − th7 b = p, th2 b − th8 a = q.
+        let b = (q + th8 / 0.26 * p) / (0.19 - th8 * th7 / 0.26);
+        [(p + th7 * b) / 0.26, b]
+    });
+    assert!(error < 1e-4, "{error}");
+}
+
+/// A rigid body with its centre at (b, y), pushed at the rims by two motors: Newton and Euler about the centre of mass with the
+/// constraint that the axle does not slip sideways. Nothing of the effect's algebra.
+#[test]
+fn a_lateral_centre_of_mass_is_what_a_rigid_body_does() {
+    let (m, inertia, b, y, push) = (9.0, 0.25, 0.02, 0.04, 40.0);
+    let h = HALF_TRACK;
+    // In the model's terms a rim force f = push (command − speed) is 1 of command for `push` newtons, of two wheels.
+    let about_axle = inertia + m * (b * b + y * y);
+    let theta = [m / (2.0 * push), about_axle / (2.0 * push * h * h), m * b / (2.0 * push), 1.0, m * b / (2.0 * push * h * h), 1.0];
+    let mut rig = body();
+    rig.theta = theta.to_vec();
+    let slope = |_: f64, u: [f64; 2], [v, w]: [f64; 2]| {
+        let force = [push * (u[0] - h * u[1] - (v - h * w)), push * (u[0] + h * u[1] - (v + h * w))];
+        // Unknown: v', w', the sideways force N at the axle. Acceleration of the centre: (v' − y w' − b w², v w + b w' − y w²).
+        // m ax = Fl + Fr; m ay = N; I w' = moment of Fl, Fr, N about the centre.
+        let total = force[0] + force[1];
+        // Moment about the centre of a force (fx, fy) at (px, py): (px − b) fy − (py − y) fx.
+        let moment = |n: f64| (0.0 - b) * n - (h - y) * force[0] - (-h - y) * force[1];
+        // I w' = moment(0) − b N with N = m (v w + b w' − y w²), and v' = total/m + y w' + b w².
+        let turn = (moment(0.0) - b * m * (v * w - y * w * w)) / (inertia + m * b * b);
+        [total / m + y * turn + b * w * w, turn]
+    };
+    // The forces' moment about the centre has y in it: y (Fl + Fr) is the coupling.
+    let truth = integrate(rig.stretch(), rig.start, &[], slope);
+    let run = rig.run(&[&LateralComOffset {}], &[y, 1.0]);
+    let worst = (0..2).flat_map(|i| truth.iter().zip(&run[i]).map(move |(t, r)| (t[i] - r).abs())).fold(0.0, f64::max);
+    assert!(worst < 2e-4, "{worst}");
+    let without = rig.run(&[], &[]);
+    let did = (0..2).flat_map(|i| truth.iter().zip(&without[i]).map(move |(t, r)| (t[i] - r).abs())).fold(0.0, f64::max);
+    assert!(did > 0.02, "{did}");
+}
+
+#[test]
+fn wheels_creep_and_spin() {
+    let rig = body();
+    let drives = |u: [f64; 2], [v, w]: [f64; 2]| wheels([u[0] - 0.01 * w * w - 1.02 * v, u[1] - 0.05 * v * w - 1.05 * w]);
+    let to_body = |[left, right]: [f64; 2]| [0.5 * (left + right) / 0.26, (right - left) / (2.0 * HALF_TRACK) / 0.19];
+    let creep = 0.7;
+    let error = rig.error(&WheelSlip { law: SlipLaw::Creep }, &[creep], rig.start, &[], |_, u, x| {
+        let (a, s) = (drives(u, x), wheels(x));
+        to_body([a[0] / (1.0 + creep * s[0].abs()), a[1] / (1.0 + creep * s[1].abs())])
+    });
+    assert!(error < 1e-4, "{error}");
+    let grip: f64 = 0.9;
+    let error = rig.error(&WheelSlip { law: SlipLaw::Grip }, &[grip], rig.start, &[], |_, u, x| {
+        to_body(drives(u, x).map(|a| a / (1.0 + (a / (0.26 * grip)).powi(4)).powf(0.25)))
+    });
+    assert!(error < 2e-4, "{error}");
+    let rig = sides();
+    let error = rig.error(&WheelSlip { law: SlipLaw::Grip }, &[grip], rig.start, &[], |_, u, x| {
+        let one = |a: f64, inertia: f64| a / (1.0 + (a / (inertia * grip)).powi(4)).powf(0.25) / inertia;
+        [one(u[0] - 2.5 * x[0], 0.4), one(u[1] - 2.4 * x[1], 0.45)]
+    });
+    assert!(error < 2e-4, "{error}");
+}
+
+#[test]
+fn play_interrupts_the_drive() {
+    let rig = body();
+    for gap in [0.004, 0.015] {
+        let first = wheels([rig.stretch().inputs[0][0], rig.stretch().inputs[1][0]]).map(|u| 0.5 * gap * u.signum());
+        let start = [rig.start[0], rig.start[1], first[0], first[1]];
+        let error = rig.error(&Backlash {}, &[gap], start, &[], |_, u, [v, w, left, right]| {
+            let a = wheels([u[0] - 0.01 * w * w - 1.02 * v, u[1] - 0.05 * v * w - 1.05 * w]);
+            let share = |z: f64, a: f64| ((z * a.signum() - 0.4 * gap) / (0.1 * gap)).clamp(0.0, 1.0);
+            let on = [share(left, a[0]), share(right, a[1])];
+            let arriving = [a[0] * on[0], a[1] * on[1]];
+            [
+                0.5 * (arriving[0] + arriving[1]) / 0.26,
+                (arriving[1] - arriving[0]) / (2.0 * HALF_TRACK) / 0.19,
+                a[0] * (1.0 - on[0]),
+                a[1] * (1.0 - on[1]),
+            ]
+        });
+        assert!(error < 5e-4, "gap {gap}: {error}");
+    }
+}

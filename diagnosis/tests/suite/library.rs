@@ -1,0 +1,265 @@
+//! What every effect of the library owes, whichever it is.
+
+use std::collections::BTreeSet;
+
+use crate::rig::{HALF_TRACK, Rig, body, sides};
+use proptest::prelude::*;
+use wheelwright_core::effect::{Effect, EffectParameter, EffectSimulator, Estimate, Instant, Place, Scene, Start};
+use wheelwright_core::model::ModelError;
+use wheelwright_core::simulation::Readout;
+use wheelwright_diagnosis::effects::library;
+
+/// The names of the contract (section 5).
+const NAMES: [&str; 29] = [
+    "coulomb_friction",
+    "coulomb_friction_one_wheel",
+    "stribeck_friction",
+    "rolling_resistance",
+    "viscous_asymmetry",
+    "direction_asymmetry",
+    "quadratic_drag",
+    "dead_zone",
+    "velocity_saturation",
+    "slew_limit",
+    "torque_saturation",
+    "command_delay",
+    "actuator_lag",
+    "integral_action",
+    "gain_asymmetry",
+    "wheel_radius_mismatch",
+    "track_width_error",
+    "lateral_com_offset",
+    "wheel_slip",
+    "turning_scrub",
+    "castor_drag",
+    "slope",
+    "payload_change",
+    "battery_sag",
+    "backlash",
+    "wheel_eccentricity",
+    "encoder_quantisation",
+    "timestamp_jitter",
+    "sensor_delay",
+];
+
+/// Effects of the library that can act on a scene.
+fn able(scene: &Scene) -> Vec<Box<dyn Effect>> {
+    library().into_iter().filter(|e| e.inapplicable(scene).is_none()).collect()
+}
+
+/// A value at a share of the way through a parameter's bounds; infinite bounds count as a thousand times its scale.
+fn within(p: &EffectParameter, share: f64) -> f64 {
+    let far = 1e3 * p.scale;
+    let (low, high) = (p.bounds.0.max(-far), p.bounds.1.min(far));
+    low + share * (high - low)
+}
+
+#[test]
+fn neutral_values_give_the_base_run() {
+    for rig in [body(), sides()] {
+        let (scene, plain) = (rig.scene(), rig.run(&[], &[]));
+        for effect in library() {
+            if effect.inapplicable(&scene).is_some() {
+                continue;
+            }
+            let parameters = effect.parameters(&scene);
+            let sizes = Start { values: parameters.iter().map(|p| p.scale).collect(), columns: Vec::new(), linear: false };
+            for start in effect.starts(&scene).into_iter().chain([sizes]) {
+                let values: Vec<f64> = parameters.iter().zip(&start.values).map(|(p, v)| p.neutral.unwrap_or(*v)).collect();
+                if parameters.iter().all(|p| p.neutral.is_none()) {
+                    continue;
+                }
+                let run = rig.run(&[&*effect], &values);
+                let worst = run.iter().flatten().zip(plain.iter().flatten()).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+                assert!(worst < 1e-9, "{} at {values:?}: {worst}", effect.name());
+            }
+        }
+    }
+}
+
+#[test]
+fn names_are_of_the_contract() {
+    let names: BTreeSet<String> = library().iter().map(|e| e.name().to_owned()).collect();
+    for effect in library() {
+        // A constant offset is no hidden physics of the contract, but the rival of many.
+        let known = NAMES.contains(&effect.name()) || effect.name() == "command_offset";
+        assert!(known, "{} is no name of the contract", effect.name());
+        for confusion in effect.confusions() {
+            let theta = confusion.with.strip_prefix("theta").is_some_and(|n| n.parse::<u8>().is_ok());
+            let named = names.contains(confusion.with) || NAMES.contains(&confusion.with) || theta;
+            assert!(named, "{} is confused with {}, which is nothing", effect.name(), confusion.with);
+            assert!(confusion.with != effect.name());
+            assert!(confusion.because.len() > 20 && !confusion.because.ends_with('.'), "{}", confusion.because);
+        }
+    }
+}
+
+#[test]
+fn parameters_and_starts_fit_together() {
+    for rig in [body(), sides()] {
+        let scene = rig.scene();
+        for effect in able(&scene) {
+            let (parameters, starts) = (effect.parameters(&scene), effect.starts(&scene));
+            // What only adds scatter is found by tests of what is left over, not by fits.
+            let fitted = effect.stage().place() != Place::Measurement;
+            assert!(!parameters.is_empty() && (!fitted || !starts.is_empty()), "{}", effect.name());
+            for p in &parameters {
+                assert!(p.scale > 0.0 && p.bounds.0 < p.bounds.1, "{}: {p:?}", effect.name());
+                assert!(p.neutral.is_none_or(|n| n.is_infinite() || (p.bounds.0 <= n && n <= p.bounds.1)), "{}: {p:?}", effect.name());
+                assert!(!p.unit.is_empty() && !p.name.is_empty());
+            }
+            for start in &starts {
+                assert_eq!(start.values.len(), parameters.len(), "{}", effect.name());
+                for (value, p) in start.values.iter().zip(&parameters) {
+                    assert!(p.bounds.0 <= *value && *value <= p.bounds.1, "{}: start {value} of {p:?}", effect.name());
+                }
+                let columns: Vec<usize> = start.columns.iter().flatten().copied().collect();
+                assert!(!columns.is_empty() && columns.iter().all(|i| *i < parameters.len()), "{}", effect.name());
+            }
+        }
+    }
+}
+
+#[test]
+fn sentences_are_sentences() {
+    for rig in [body(), sides()] {
+        let scene = rig.scene();
+        for effect in able(&scene) {
+            let sizes = || effect.parameters(&scene).iter().map(|p| p.scale).collect();
+            let start = &effect.starts(&scene).first().map_or_else(sizes, |s| s.values.clone());
+            for sign in [1.0, -1.0] {
+                let estimate = |(p, value): (&EffectParameter, &f64)| {
+                    let value = if sign * value < p.bounds.0 { *value } else { sign * value };
+                    Estimate { value, ci95: Some((value - 0.1 * p.scale, value + 0.1 * p.scale)) }
+                };
+                let values: Vec<Estimate> = effect.parameters(&scene).iter().zip(start).map(estimate).collect();
+                let says = effect.statement(&values, &scene);
+                println!("{}: {says}", effect.name());
+                assert!(says.chars().any(|c| c.is_ascii_digit()), "{says}");
+                assert!(!says.contains("NaN") && !says.contains("inf") && !says.contains("  ") && !says.ends_with('.'), "{says}");
+                assert!(says.contains("the model"), "{says}");
+            }
+            assert!(effect.about().len() > 10 && effect.excitation().len() > 10);
+        }
+    }
+}
+
+#[test]
+fn effects_are_plain_data() {
+    for effect in library() {
+        let json = serde_json::to_value(&effect).unwrap();
+        let back: Box<dyn Effect> = serde_json::from_value(json.clone()).unwrap();
+        assert_eq!(format!("{effect:?}"), format!("{back:?}"));
+        assert_eq!(json, serde_json::to_value(&back).unwrap());
+    }
+}
+
+/// Friction in all its forms takes energy and gives none: load against motion, weighted as forces and moments are.
+#[test]
+fn friction_never_drives() {
+    let passive = [
+        "coulomb_friction",
+        "coulomb_friction_one_wheel",
+        "stribeck_friction",
+        "rolling_resistance",
+        "direction_asymmetry",
+        "quadratic_drag",
+        "turning_scrub",
+        "castor_drag",
+    ];
+    for rig in [body(), sides()] {
+        let scene = rig.scene();
+        let at = Instant {
+            time: 0.0,
+            span: 0.0,
+            row: 0,
+            stretch: rig.stretch(),
+            track: &scene.tracks[0],
+            scene: &scene,
+            readout: Readout::default(),
+        };
+        let effects = able(&scene);
+        for effect in effects.iter().filter(|e| passive.contains(&e.name())) {
+            let parameters = effect.parameters(&scene);
+            let mut lost: f64 = 0.0;
+            for i in 0..2000_u32 {
+                let share = |j: u32| f64::from((i * 7919 + j * 104_729) % 1009) / 1009.0;
+                let p: Vec<f64> = parameters.iter().enumerate().map(|(j, p)| within(p, share(j as u32))).collect();
+                let outputs = [4.0 * share(11) - 2.0, 4.0 * share(12) - 2.0];
+                let mut state = vec![0.0; effect.states(&scene)];
+                effect.begin(&p, &at, &[0.0; 2], &[4.0 * share(13) - 2.0, 4.0 * share(14) - 2.0], &mut state);
+                let mut load = [0.0; 2];
+                effect.load(&p, &at, &outputs, &state, &mut load);
+                let ratio = parameters.iter().position(|p| p.name == "turning_ratio").map_or(1.0, |j| p[j]);
+                let (force, motion) = (scene.frame.body(&load), scene.frame.body(&outputs));
+                let power = force[0] * motion[0] + HALF_TRACK * HALF_TRACK / ratio * force[1] * motion[1];
+                assert!(power >= -1e-9 * force[0].hypot(force[1]), "{} gives {power} at {p:?}, {outputs:?}", effect.name());
+                lost = lost.max(power);
+            }
+            assert!(lost > 0.0);
+        }
+    }
+}
+
+/// A step in a parameter has the response of two halves: nothing jumps, so that differences are derivatives.
+#[test]
+fn responses_are_smooth_in_the_parameters_of_the_dynamics() {
+    for rig in [body(), sides()] {
+        let scene = rig.scene();
+        for effect in able(&scene).into_iter().filter(|e| e.stage().place() == Place::Dynamics) {
+            let (parameters, starts) = (effect.parameters(&scene), effect.starts(&scene));
+            let start = &starts[starts.len() / 2].values;
+            let mut simulator = EffectSimulator::new(&*rig.model, &rig.theta, &[&*effect], &scene).unwrap();
+            simulator.set_substeps(8);
+            let mut run = |values: &[f64]| {
+                simulator.set(&rig.theta, values).unwrap();
+                let mut run = vec![Vec::new(); 2];
+                simulator.run(0, rig.stretch(), &rig.start, &mut run).unwrap();
+                run.concat()
+            };
+            let base = run(start);
+            for (i, p) in parameters.iter().enumerate() {
+                let mut response = |share: f64| {
+                    let mut values = start.clone();
+                    values[i] += share * p.scale.max(start[i].abs());
+                    run(&values).iter().zip(&base).map(|(a, b)| a - b).collect::<Vec<f64>>()
+                };
+                let (whole, half) = (response(0.002), response(0.001));
+                let norm = |x: &mut dyn Iterator<Item = f64>| x.map(|x| x * x).sum::<f64>().sqrt();
+                let bend = norm(&mut whole.iter().zip(&half).map(|(w, h)| w - 2.0 * h)) / norm(&mut whole.iter().copied()).max(1e-9);
+                assert!(bend < 0.1, "{}, {} from {}: {bend}", effect.name(), p.name, start[i]);
+            }
+        }
+    }
+}
+
+fn run_at(rig: &Rig, shares: &[f64]) -> Result<(), TestCaseError> {
+    let scene = rig.scene();
+    for effect in able(&scene) {
+        let values: Vec<f64> = effect.parameters(&scene).iter().enumerate().map(|(i, p)| within(p, shares[i % shares.len()])).collect();
+        let mut simulator = EffectSimulator::new(&*rig.model, &rig.theta, &[&*effect], &scene).unwrap();
+        simulator.set(&rig.theta, &values).unwrap();
+        simulator.set_substeps(1);
+        let mut stretch = rig.stretch().clone();
+        stretch.time.truncate(120);
+        let mut run = vec![Vec::new(); 2];
+        match simulator.run(0, &stretch, &rig.start, &mut run) {
+            Ok(()) => prop_assert!(run.iter().flatten().all(|x| x.is_finite()), "{} at {values:?}", effect.name()),
+            Err(ModelError::Diverged { .. }) => {}
+            Err(other) => prop_assert!(false, "{} at {values:?}: {other}", effect.name()),
+        }
+    }
+    Ok(())
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(24))]
+
+    #[test]
+    fn no_value_within_bounds_breaks_a_simulation(
+        shares in prop::collection::vec(prop_oneof![Just(0.0), Just(1.0), Just(0.5), 0.0..1.0_f64], 6),
+    ) {
+        run_at(&body(), &shares)?;
+        run_at(&sides(), &shares)?;
+    }
+}

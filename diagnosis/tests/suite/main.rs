@@ -1,0 +1,14 @@
+//! Tests of the effects and of the diagnosis. One program, because each costs its build.
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, missing_docs, unreachable_pub, reason = "a test that cannot go on fails")]
+
+mod command_side;
+mod common;
+mod conformance;
+mod detour;
+mod diagnose;
+mod documentation;
+mod dynamics;
+mod forward;
+mod library;
+mod measurement;
+mod rig;

@@ -1,0 +1,234 @@
+//! Effects between motion and record against integrations with very small steps, each equation written anew.
+
+use crate::common::{HALF_TRACK, THETA, base, data, held, model, reference};
+use wheelwright_core::effect::{Effect, EffectSimulator, Instant, Scene};
+use wheelwright_core::simulation::Readout;
+use wheelwright_core::{Dataset, RegressorModel, Stretch};
+use wheelwright_diagnosis::effects::{
+    EncoderQuantisation, Ripple, SensorDelay, TimestampJitter, TrackWidthError, Wheel, WheelEccentricity, WheelRadiusMismatch,
+};
+
+const RADIUS: f64 = 0.09;
+
+struct Rig {
+    model: Box<dyn RegressorModel>,
+    data: Dataset,
+    scene: Scene,
+}
+
+fn rig() -> Rig {
+    let model = model();
+    let data = data(&*model);
+    let scene = Scene::new(&data, &*model, 2.0 * HALF_TRACK, Some(RADIUS), None);
+    Rig { model, data, scene }
+}
+
+impl Rig {
+    fn stretch(&self) -> &Stretch {
+        &self.data.stretches[0]
+    }
+
+    fn run(&self, effect: &dyn Effect, values: &[f64], readout: Readout) -> Vec<Vec<f64>> {
+        let mut simulator = EffectSimulator::new(&*self.model, &THETA, &[effect], &self.scene).unwrap().with_readout(readout);
+        simulator.set(&THETA, values).unwrap();
+        simulator.choose_substeps(&self.data.stretches).unwrap();
+        let mut run = vec![Vec::new(); 2];
+        simulator.run(0, self.stretch(), &[0.3, 0.2], &mut run).unwrap();
+        run
+    }
+
+    /// The true motion, with the distances travelled, at the samples and at further times.
+    fn truth(&self, further: &[f64]) -> Vec<(f64, [f64; 4])> {
+        let mut fine = self.stretch().clone();
+        fine.time.extend(further.iter().filter(|t| **t > 0.0 && **t < self.stretch().time[self.stretch().len() - 1]));
+        fine.time.sort_by(f64::total_cmp);
+        fine.time.dedup();
+        fine.inputs = (0..2).map(|i| fine.time.iter().map(|t| held(self.stretch(), *t)[i]).collect()).collect();
+        fine.outputs = vec![vec![0.0; fine.time.len()]; 2];
+        let run = reference(&fine, [0.3, 0.2, 0.0, 0.0], &[], |t, x| {
+            let a = base(held(self.stretch(), t), x);
+            [a[0], a[1], x[0], x[1]]
+        });
+        fine.time.iter().copied().zip(run).collect()
+    }
+
+    /// Root mean square difference of the record from what it should be, relative to the outputs'.
+    fn difference(&self, run: &[Vec<f64>], expected: impl Fn(usize) -> [f64; 2]) -> f64 {
+        let sum: f64 = (0..self.stretch().len())
+            .map(|k| (0..2).map(|i| ((run[i][k] - expected(k)[i]) / self.scene.scales.outputs[i]).powi(2)).sum::<f64>())
+            .sum();
+        (sum / (2 * self.stretch().len()) as f64).sqrt()
+    }
+}
+
+fn at(truth: &[(f64, [f64; 4])], time: f64) -> [f64; 4] {
+    if time <= 0.0 {
+        let mut first = truth[0].1;
+        first[2] = 0.3 * time;
+        first[3] = 0.2 * time;
+        return first;
+    }
+    truth[truth.partition_point(|(t, _)| *t < time - 1e-9)].1
+}
+
+#[test]
+fn a_late_sensor_records_what_was() {
+    let rig = rig();
+    let tau = 0.083;
+    let time = rig.stretch().time.clone();
+    let mut further: Vec<f64> = time.iter().map(|t| t - tau).collect();
+    further.extend(time.windows(2).map(|w| w[0] - tau));
+    let truth = rig.truth(&further);
+    let run = rig.run(&SensorDelay {}, &[tau], Readout::Instantaneous);
+    let error = rig.difference(&run, |k| {
+        let x = at(&truth, time[k] - tau);
+        [x[0], x[1]]
+    });
+    assert!(error < 5e-5, "{error}");
+    // A late mean is the mean over an interval as long, and as late.
+    let lengths: Vec<f64> = (1..time.len()).map(|k| time[k] - tau - (time[k] - time[k - 1])).collect();
+    let truth = rig.truth(&[further, lengths].concat());
+    let run = rig.run(&SensorDelay {}, &[tau], Readout::IntervalMean);
+    let error = rig.difference(&run, |k| {
+        if k == 0 {
+            return [0.3, 0.2];
+        }
+        let span = time[k] - time[k - 1];
+        let (now, before) = (at(&truth, time[k] - tau), at(&truth, time[k] - tau - span));
+        [(now[2] - before[2]) / span, (now[3] - before[3]) / span]
+    });
+    assert!(error < 5e-4, "{error}");
+}
+
+#[test]
+fn wrong_radii_and_a_wrong_track_scale_what_is_recorded() {
+    let rig = rig();
+    let (truth, e) = (rig.truth(&[]), 0.06);
+    let sides = |x: &[f64]| [x[0] - HALF_TRACK * x[1], x[0] + HALF_TRACK * x[1]];
+    let back = |[l, r]: [f64; 2]| [0.5 * (l + r), (r - l) / (2.0 * HALF_TRACK)];
+    let opposed = rig.run(&WheelRadiusMismatch::default(), &[e], Readout::Instantaneous);
+    let opposed = rig.difference(&opposed, |k| {
+        let [l, r] = sides(&truth[k].1);
+        back([l * (1.0 - 0.5 * e), r * (1.0 + 0.5 * e)])
+    });
+    let left = rig.run(&WheelRadiusMismatch { wheel: Some(Wheel::Left), ..WheelRadiusMismatch::default() }, &[e], Readout::Instantaneous);
+    let left = rig.difference(&left, |k| {
+        let [l, r] = sides(&truth[k].1);
+        back([l * (1.0 + e), r])
+    });
+    let track = rig.run(&TrackWidthError {}, &[e], Readout::Instantaneous);
+    let track = rig.difference(&track, |k| [truth[k].1[0], (1.0 + e) * truth[k].1[1]]);
+    assert!(opposed < 5e-5 && left < 5e-5 && track < 5e-5, "{opposed} {left} {track}");
+}
+
+/// The claim of its docstring: a wrong track and other parameters record the same.
+#[test]
+fn a_wrong_track_is_absorbed_by_the_parameters() {
+    let (rig, e) = (rig(), 0.06);
+    let wrong = rig.run(&TrackWidthError {}, &[e], Readout::Instantaneous);
+    let k = 1.0 + e;
+    let [a, b, c, d, f, g] = THETA;
+    let theta = [a, b / k, c / (k * k), d, f / k, g / k];
+    let mut simulator = EffectSimulator::new(&*rig.model, &theta, &[], &rig.scene).unwrap();
+    simulator.set_substeps(8);
+    let mut run = vec![Vec::new(); 2];
+    simulator.run(0, rig.stretch(), &[0.3, 0.2 * k], &mut run).unwrap();
+    let error = rig.difference(&wrong, |i| [run[0][i], run[1][i]]);
+    assert!(error < 5e-5, "{error}");
+}
+
+#[test]
+fn an_eccentric_wheel_ripples_once_a_turn() {
+    let rig = rig();
+    let truth = rig.truth(&[]);
+    let (a, b, radius) = (0.03, -0.05, 0.093);
+    let run = rig.run(&WheelEccentricity { wheel: Some(Wheel::Right), ripple: Ripple::Reading }, &[a, b, radius], Readout::Instantaneous);
+    // The recorded distance of the right wheel, by the trapezoidal rule.
+    let s = rig.stretch();
+    let mut distance = vec![0.0];
+    for k in 1..s.len() {
+        let speed = |k: usize| s.outputs[0][k] + HALF_TRACK * s.outputs[1][k];
+        distance.push(distance[k - 1] + 0.5 * (speed(k - 1) + speed(k)) * (s.time[k] - s.time[k - 1]));
+    }
+    let error = rig.difference(&run, |k| {
+        let [v, w, ..] = truth[k].1;
+        let (phase, right) = (distance[k] / radius, v + HALF_TRACK * w);
+        let ripple = right * (a * phase.cos() + b * phase.sin());
+        [v + 0.5 * ripple, w + ripple / (2.0 * HALF_TRACK)]
+    });
+    assert!(error < 5e-5, "{error}");
+}
+
+#[test]
+fn a_wheel_off_its_axle_is_driven_unevenly_and_carries_weight() {
+    let rig = rig();
+    let effect = WheelEccentricity { wheel: Some(Wheel::Left), ripple: Ripple::Rolling };
+    let (a, b, c, d, ratio, radius) = (0.03, -0.05, 0.02, 0.07, 1.7, 0.093);
+    let row = rig.stretch().len() / 2;
+    let at = Instant {
+        time: rig.stretch().time[row],
+        span: 0.0,
+        row,
+        stretch: rig.stretch(),
+        track: &rig.scene.tracks[0],
+        scene: &rig.scene,
+        readout: Readout::Instantaneous,
+    };
+    let (v, w) = (0.35, -0.8);
+    let mut load = [0.0; 2];
+    effect.load(&[a, b, c, d, ratio, radius], &at, &[v, w], &[], &mut load);
+    let phase = rig.scene.tracks[0].distance[0][row] / radius;
+    // The loop keeps s (1 − ε) where it would keep s; the weight pushes the left wheel.
+    let driven = -(v - HALF_TRACK * w) * (a * phase.cos() + b * phase.sin());
+    let pushed = c * phase.cos() + d * phase.sin();
+    let wanted = [0.5 * (driven + pushed), -(driven + ratio * pushed) / (2.0 * HALF_TRACK)];
+    assert!((load[0] - wanted[0]).abs() < 1e-12 && (load[1] - wanted[1]).abs() < 1e-12, "{load:?} {wanted:?}");
+}
+
+#[test]
+fn an_encoder_records_means_on_a_lattice() {
+    let rig = rig();
+    let (truth, time, q) = (rig.truth(&[]), &rig.stretch().time, 0.004);
+    let mean = |k: usize| {
+        let span = if k == 0 { 1.0 } else { time[k] - time[k - 1] };
+        let before = if k == 0 { [0.0; 4] } else { truth[k - 1].1 };
+        if k == 0 { [0.3, 0.2] } else { [(truth[k].1[2] - before[2]) / span, (truth[k].1[3] - before[3]) / span] }
+    };
+    for readout in [Readout::Instantaneous, Readout::IntervalMean] {
+        let run = rig.run(&EncoderQuantisation::default(), &[q], readout);
+        let error = rig.difference(&run, mean);
+        assert!(error < 5e-5, "{error}");
+    }
+    let run = rig.run(&EncoderQuantisation { counts: true }, &[q], Readout::Instantaneous);
+    let (mut counted, mut worst) = ([0.0; 2], 0.0_f64);
+    for k in 1..time.len() {
+        let span = time[k] - time[k - 1];
+        for (side, sign) in [-1.0, 1.0].into_iter().enumerate() {
+            let counts = (run[0][k] + sign * HALF_TRACK * run[1][k]) * span / q;
+            assert!((counts - counts.round()).abs() < 1e-6, "{counts}");
+            counted[side] += counts * q;
+            worst = worst.max((counted[side] - truth[k].1[2] - sign * HALF_TRACK * truth[k].1[3]).abs());
+        }
+    }
+    // Nothing is lost: the sum of all counts is the distance to within one.
+    assert!(worst < 1.01 * q, "{worst}");
+}
+
+#[test]
+fn jitter_scatters_by_the_acceleration_and_not_without_a_seed() {
+    let rig = rig();
+    let (plain, sigma) = (rig.run(&TimestampJitter::default(), &[0.01], Readout::Instantaneous), 0.01);
+    let run = rig.run(&TimestampJitter { seed: Some(4) }, &[sigma], Readout::Instantaneous);
+    let s = rig.stretch();
+    let (mut sum, mut expected) = (0.0, 0.0);
+    for k in 1..s.len() {
+        let x = [plain[0][k], plain[1][k]];
+        let a = base(held(s, s.time[k] - 1e-9), &x)[0];
+        sum += (run[0][k] - x[0]).powi(2);
+        expected += (sigma * a).powi(2);
+    }
+    assert!((sum / expected - 1.0_f64).abs() < 0.2, "{sum} {expected}");
+    assert_eq!(run, rig.run(&TimestampJitter { seed: Some(4) }, &[sigma], Readout::Instantaneous));
+    let none = rig.run(&SensorDelay {}, &[0.0], Readout::Instantaneous);
+    assert_eq!(plain, none);
+}

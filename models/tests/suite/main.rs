@@ -1,0 +1,5 @@
+//! Tests of the models' public face. One program, because each costs its build.
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, missing_docs, unreachable_pub, reason = "a test that cannot go on fails")]
+
+mod conformance;
+mod documentation;
