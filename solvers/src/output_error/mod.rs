@@ -237,13 +237,11 @@ impl<'a> Fit<'a> {
         let ols = Ols::default().solve(self.problem);
         let mut candidates = self.integrals.starts(&self.transform, &self.offset, &self.limits)?;
         candidates.extend(ols.as_ref().ok().and_then(|solution| self.free_values(&solution.theta)));
-        let mut runs: Vec<(f64, FreeRun<'a>)> = Vec::new();
-        for z in candidates {
-            let Ok(mut run) = FreeRun::new(self, noise.clone(), z) else { continue };
-            let cost = run.cost();
-            if cost.is_finite() {
-                runs.push((cost, run));
-            }
+        let mut runs = self.runs(&noise, &candidates);
+        if runs.is_empty() {
+            // A lag that a regression puts at its bound of zero: what answers at once cannot be simulated.
+            let inside: Vec<DVector<f64>> = candidates.iter().map(|z| self.off_the_limits(z)).collect();
+            runs = self.runs(&noise, &inside);
         }
         runs.sort_by(|a, b| a.0.total_cmp(&b.0));
         let mut best: Option<(FreeRun<'a>, Outcome)> = None;
@@ -270,6 +268,29 @@ impl<'a> Fit<'a> {
             let reason = "no regression gives parameters that can be simulated over this recording".to_owned();
             failure.unwrap_or(SolveError::Failed { reason })
         })
+    }
+
+    /// Free runs from those points that can be simulated, with their costs.
+    fn runs(&self, noise: &Noise, points: &[DVector<f64>]) -> Vec<(f64, FreeRun<'a>)> {
+        let run = |z: &DVector<f64>| {
+            let mut run = FreeRun::new(self, noise.clone(), z.clone()).ok()?;
+            let cost = run.cost();
+            cost.is_finite().then_some((cost, run))
+        };
+        points.iter().filter_map(run).collect()
+    }
+
+    /// A point with what sits at a limit moved inside by a tenth of its plausible size.
+    fn off_the_limits(&self, z: &DVector<f64>) -> DVector<f64> {
+        let scale = self.integrals.free_scale(&self.transform, &self.problem.map.theta(z.as_slice()));
+        let mut inside = z.clone();
+        for limit in self.limits.active(z) {
+            for (j, towards) in self.limits.g.row(limit).iter().enumerate().filter(|(j, g)| **g != 0.0 && scale[*j].is_finite()) {
+                inside[j] += 0.1 * scale[j] * towards.signum();
+            }
+        }
+        let kept = (&self.limits.g * &inside).iter().zip(self.limits.h.iter()).all(|(g, h)| g >= h);
+        if kept { inside } else { z.clone() }
     }
 
     /// Condition of the scaled problem at the current point.

@@ -235,6 +235,20 @@ fn dry_friction_is_fitted_to_its_end_and_within_its_intervals() {
     assert!(covered >= 6 * seeds as usize * 8 / 10, "{covered} of {}", 6 * seeds);
 }
 
+/// Slow ramps alone, as of half a characterization: all regressions give one side no lag, with which nothing can be simulated.
+#[test]
+fn a_lag_that_regressions_put_at_zero_is_found() {
+    let model = WheelVoltageConfig::default().build().unwrap();
+    let stretch = rolled(1000, |t| [0.25 * t, -0.25 * t], 0.02, 6);
+    let data = Dataset { inputs: model.inputs().to_vec(), outputs: model.outputs().to_vec(), stretches: vec![stretch] };
+    let solution = OutputError::default().solve(&Problem::new(&*model, &data)).unwrap();
+    let std = solution.std.unwrap();
+    assert_eq!(solution.status, Status::Solved);
+    for i in 0..6 {
+        assert!((solution.theta[i] - WHEELS[i]).abs() < 3.0 * std[i], "{:?} ± {std:?}", solution.theta);
+    }
+}
+
 #[test]
 fn settings_are_read_from_a_table() {
     let table = "type = 'output-error'\nvelocity = 'difference'".parse().unwrap();
