@@ -130,6 +130,27 @@ fn frc_logs_give_the_same_numbers_from_csv_and_from_the_raw_json() {
     }
 }
 
+/// The whole characterization and each half of it, of which the first holds slow ramps alone.
+#[test]
+fn frc_logs_give_ks_kv_and_ka_with_intervals() {
+    let Some(path) = shared("recordings/frc5024/carter.csv") else { return };
+    let text = std::fs::read_to_string(path).unwrap();
+    let (header, rows) = text.split_once('\n').unwrap();
+    let rows: Vec<&str> = rows.lines().collect();
+    let folder = tempfile::tempdir().unwrap();
+    for (name, rows) in [("whole", rows.as_slice()), ("slow", &rows[..rows.len() / 2]), ("quick", &rows[rows.len() / 2..])] {
+        let path = folder.path().join(format!("{name}.csv"));
+        std::fs::write(&path, [&[header], rows].concat().join("\n")).unwrap();
+        let document = json(&["identify", path.to_str().unwrap(), "--model", "wheel-voltage", "--quick"]);
+        assert_eq!((&document["solver"], &document["status"]), (&"output-error".into(), &"solved".into()), "{name}");
+        for (parameter, unit) in document["parameters"].as_array().unwrap().iter().zip(["V s/m", "V s^2/m", "V"].iter().cycle()) {
+            let [value, low, high] = [&parameter["value"], &parameter["ci95"][0], &parameter["ci95"][1]].map(|x| x.as_f64().unwrap());
+            assert!(parameter["unit"] == *unit && 0.0 < low && low < value && value < high, "{name}: {parameter}");
+        }
+        assert!(["vel_left", "vel_right"].iter().all(|v| document["fit"]["validate"][v].as_f64().unwrap() > 85.0), "{name}");
+    }
+}
+
 #[test]
 fn a_replay_shows_parameters_over_time_and_ends_where_the_solver_does() {
     let folder = tempfile::tempdir().unwrap();
