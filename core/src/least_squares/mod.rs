@@ -86,7 +86,7 @@ pub struct Options {
     pub promise: f64,
     /// The same in absolute terms, for residuals in units of their standard deviation.
     pub absolute: f64,
-    /// Stop at a kink, where no step gets anywhere, if the linear model, which knows of one side only, promises less than this:
+    /// Stop at a kink, where no step gets far, if the linear model, which knows of one side only, promises less than this:
     /// the square of the share of a standard error that does not matter.
     pub immaterial: f64,
 }
@@ -116,7 +116,9 @@ pub struct Outcome {
 const SHORT: f64 = 1e-15;
 /// Share of the cost below which a decrease is lost in rounding.
 const ROUNDING: f64 = 1e-12;
-/// Where a step gains nothing that promises only this share of what the longest one does, there is a kink.
+/// A step that gains no more than this share of its promise led across a valley or a kink.
+const LITTLE: f64 = 0.25;
+/// Where a step gains little that promises only this share of what does not matter, there is a kink.
 const KINK: f64 = 1e-3;
 /// λ of the first step.
 const FIRST_DAMPING: f64 = 1e-2;
@@ -171,11 +173,12 @@ pub fn minimise(problem: &mut dyn Residuals, mut z: DVector<f64>, limits: &Limit
             z += step;
             factor = next;
             damping = (damping * damping_factor(gain)).max(LEAST_DAMPING);
-        } else if promised <= options.immaterial && expected <= KINK * promised {
-            (converged, smooth) = (true, false);
-            break;
         } else {
             damping *= 2.0;
+        }
+        if gain <= LITTLE && promised <= options.immaterial && expected <= KINK * options.immaterial {
+            (converged, smooth) = (true, false);
+            break;
         }
         if short {
             converged = promised <= ROUNDING * first_cost;
@@ -186,11 +189,11 @@ pub fn minimise(problem: &mut dyn Residuals, mut z: DVector<f64>, limits: &Limit
     Ok(Outcome { active: limits.active(&z), z, factor, converged, smooth })
 }
 
-/// What a step that gained this share of its promise does to the damping. One that gained little led across a valley or a kink.
+/// What a step that gained this share of its promise does to the damping.
 fn damping_factor(gain: f64) -> f64 {
     match gain {
         _ if gain > 0.9 => 0.03,
-        _ if gain > 0.25 => 0.2,
+        _ if gain > LITTLE => 0.2,
         _ => 2.0,
     }
 }

@@ -272,6 +272,30 @@ impl FreeRun<'_> {
     }
 }
 
+impl FreeRun<'_> {
+    /// Moves the start of a stretch as `step` of the free parameters asks; its cost there.
+    fn attempt_start(&mut self, s: usize, step: &DVector<f64>) -> f64 {
+        let Factor { r, q, .. } = &self.eliminated[s];
+        let n = self.starts[s].len();
+        let moves = |right: DVector<f64>| r.view((0, 0), (n, n)).solve_upper_triangular(&right).unwrap_or_else(|| DVector::zeros(n));
+        let answer = &self.starts[s] + moves(-(r.view((0, n), (n, step.len())) * step));
+        let moved = &answer + moves(-q.rows(0, n));
+        let (reached, before) = (self.stretch_cost(s, &moved), self.eliminated[s].cost());
+        // The start's own step, which no damping shortens, may lead across a kink: a robot with friction that begins at rest.
+        let stayed = if reached > before { self.stretch_cost(s, &answer) } else { f64::INFINITY };
+        self.trial.1[s] = if stayed < reached { answer } else { moved };
+        reached.min(stayed)
+    }
+
+    /// Cost of a stretch at the simulator's parameters; infinite where it cannot be simulated.
+    fn stretch_cost(&mut self, s: usize, start: &DVector<f64>) -> f64 {
+        let Ok(mut errors) = stretch_errors(self.problem, &mut self.simulator, s, self.readout, start) else { return f64::INFINITY };
+        self.noise.whiten(&mut errors);
+        let cost: f64 = errors.iter().flatten().map(|e| e * e).sum();
+        if cost.is_nan() { f64::INFINITY } else { cost }
+    }
+}
+
 impl Residuals for FreeRun<'_> {
     fn linearise(&mut self) -> Result<Factor, SolveError> {
         let directions = self.directions();
@@ -284,7 +308,8 @@ impl Residuals for FreeRun<'_> {
             let below = s * (free + 1);
             stacked.view_mut((below, 0), (free, free)).copy_from(&r.view((n, n), (free, free)));
             stacked.view_mut((below, free), (free, 1)).copy_from(&q.rows(n, free));
-            stacked[(below + free, free)] = rest;
+            // What the start could still do to the error is not done yet.
+            stacked[(below + free, free)] = rest.hypot(q.rows(0, n).norm());
             eliminated.push(Factor { r, q, rest });
         }
         self.eliminated = eliminated;
@@ -292,23 +317,11 @@ impl Residuals for FreeRun<'_> {
     }
 
     fn attempt(&mut self, step: &DVector<f64>) -> f64 {
-        let n = self.starts.first().map_or(0, DVector::len);
         self.trial.0 = &self.z + step;
-        for ((trial, start), Factor { r, q, .. }) in self.trial.1.iter_mut().zip(&self.starts).zip(&self.eliminated) {
-            let right = -(q.rows(0, n) + r.view((0, n), (n, step.len())) * step);
-            let moved = r.view((0, 0), (n, n)).solve_upper_triangular(&right);
-            *trial = moved.map_or_else(|| start.clone(), |m| start + m);
-        }
         if self.simulator.set_theta(&self.problem.map.theta(self.trial.0.as_slice())).is_err() {
             return f64::INFINITY;
         }
-        let mut cost = 0.0;
-        for (s, start) in self.trial.1.iter().enumerate() {
-            let Ok(mut errors) = stretch_errors(self.problem, &mut self.simulator, s, self.readout, start) else { return f64::INFINITY };
-            self.noise.whiten(&mut errors);
-            cost += errors.iter().flatten().map(|e| e * e).sum::<f64>();
-        }
-        if cost.is_finite() { cost } else { f64::INFINITY }
+        (0..self.starts.len()).map(|s| self.attempt_start(s, step)).sum()
     }
 
     fn accept(&mut self) {

@@ -119,8 +119,10 @@ impl Specification {
         if covariance.iter().any(|x| !x.is_finite()) {
             return none;
         }
+        // A plain fit that ended at a kink has a step of its own left, which is no difference.
+        let Some(left) = own.r.solve_upper_triangular(&own.q) else { return none };
         let eigen = covariance.symmetric_eigen();
-        let along = eigen.eigenvectors.tr_mul(&other.q);
+        let along = eigen.eigenvectors.tr_mul(&(&other.q - &other.r * left));
         let terms = along.iter().zip(eigen.eigenvalues.iter()).map(|(d, v)| d * d / (v.max(0.0) + IMMATERIAL * IMMATERIAL));
         let statistic = terms.sum();
         Self { statistic, p: ChiSquared::new(k as f64).map_or(1.0, |d| d.sf(statistic)) }

@@ -235,6 +235,18 @@ fn dry_friction_is_fitted_to_its_end_and_within_its_intervals() {
     assert!(covered >= 6 * seeds as usize * 8 / 10, "{covered} of {}", 6 * seeds);
 }
 
+/// From rest the cost has a kink where the start is: friction takes hold on either side of it.
+#[test]
+fn a_start_at_rest_under_friction_does_not_stop_the_search() {
+    let model = WheelVoltageConfig::default().build().unwrap();
+    for seed in 1..=15 {
+        let stretch = rolled(700, |t| [4.0 * (1.3 * t).sin() + 0.4, 4.0 * (0.9 * t).sin() - 0.4], 0.35, seed);
+        let data = Dataset { inputs: model.inputs().to_vec(), outputs: model.outputs().to_vec(), stretches: vec![stretch] };
+        let solution = OutputError::default().solve(&Problem::new(&*model, &data)).unwrap();
+        assert_eq!((solution.status, solution.warnings.as_slice()), (Status::Solved, [].as_slice()), "seed {seed}");
+    }
+}
+
 /// Slow ramps alone, as of half a characterization: all regressions give one side no lag, with which nothing can be simulated.
 #[test]
 fn a_lag_that_regressions_put_at_zero_is_found() {
