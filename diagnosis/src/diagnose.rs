@@ -16,7 +16,7 @@ use crate::judge::judged;
 use crate::noise::Noise;
 use crate::question::{DiagnosisError, Question};
 use crate::screen::{Response, saturate};
-use crate::select::{FINAL, Search, State};
+use crate::select::{COMPARING, FINAL, Search, State};
 
 /// Fewest values a parameter that are needed for a noise model to mean anything.
 const FEWEST: usize = 10;
@@ -76,8 +76,7 @@ fn other_readout<'a>(
     scene: &'a Scene,
     known: Option<&'a Known>,
 ) -> Result<Story<'a>, DiagnosisError> {
-    let late = story.search.effects(&story.selected.state.effects);
-    if !late.iter().any(|e| matches!(e.stage(), Stage::Transport | Stage::Filter | Stage::Sensor)) || !story.barely_late() {
+    if !story.search.effects(&story.selected.state.effects).into_iter().any(late) || !story.barely_late() {
         return Ok(story);
     }
     let mut other = setting(question, data, scene, Readout::IntervalMean);
@@ -86,8 +85,44 @@ fn other_readout<'a>(
     if base.likelihood(&other) <= story.first {
         return Ok(story);
     }
+    if plainer(&story, &other, &base).is_none_or(|plainer| plainer <= story.evidence()) {
+        return Ok(story);
+    }
     let rival = selected(other, question, known)?;
     Ok(if rival.evidence() > story.evidence() + DECISIVE { rival } else { story })
+}
+
+/// Evidence for a story without its lateness under another reading: only where that does as well is there more to look for.
+fn plainer<'a>(story: &Story<'a>, reading: &Setting<'a>, base: &Fit) -> Option<f64> {
+    let Story { search, selected, .. } = story;
+    let Setting { tolerance, substeps, .. } = search.setting;
+    let setting = Setting { tolerance, substeps, ..reading.clone() };
+    let other = Search { setting, library: search.library, open: search.open.clone(), known: search.known };
+    let kept = |member: usize| !late(search.effect(selected.state.effects[member]));
+    let effects: Vec<usize> = (0..selected.state.effects.len()).filter(|i| kept(*i)).map(|i| selected.state.effects[i]).collect();
+    let values = search.unknowns(&selected.state, &kept).skip(search.setting.free()).map(|j| selected.state.fit.point.x[j]);
+    let point = Point { x: base.point.x.iter().copied().chain(values).collect(), starts: base.point.starts.clone() };
+    let noise = &selected.whitening.noise;
+    let (whitening, fit) = other.at(&effects, point, noise)?;
+    let noise = other.noise_of(&effects, &fit, &whitening)?;
+    let (whitening, fit) = other.under(&effects, &fit, &noise, COMPARING)?;
+    Some(evidence(&other, &State { effects, fit }, &whitening, base))
+}
+
+/// Whether an effect makes what is recorded late.
+fn late(effect: &dyn Effect) -> bool {
+    matches!(effect.stage(), Stage::Transport | Stage::Filter | Stage::Sensor)
+}
+
+/// Twice the log-likelihood of the whole less what its effects cost. Comparable between readings of the same data: the scale of
+/// each reading's own noise counts with it.
+fn evidence(search: &Search<'_>, state: &State, whitening: &Whitening, base: &Fit) -> f64 {
+    let rows = search.setting.layout.counted() as f64;
+    let scale: f64 = whitening.noise.innovation.iter().map(|s| 2.0 * rows * s.ln()).sum();
+    let effects = state.effects.len();
+    let freedom = state.fit.rank(&search.setting).saturating_sub(base.rank(&search.setting)).max(effects);
+    let cost = freedom as f64 * search.log_values() + effects as f64 * (search.penalty(1) - search.log_values());
+    state.fit.likelihood(&search.setting) - scale - cost
 }
 
 fn setting<'a>(question: &Question<'a>, data: &'a Dataset, scene: &'a Scene, readout: Readout) -> Setting<'a> {
@@ -119,6 +154,8 @@ fn setting<'a>(question: &Question<'a>, data: &'a Dataset, scene: &'a Scene, rea
 fn selected<'a>(mut setting: Setting<'a>, question: &Question<'a>, known: Option<&'a Known>) -> Result<Story<'a>, DiagnosisError> {
     let rough = fit(&mut setting, question)?;
     setting.tolerance = worthwhile_accuracy(&setting, &rough);
+    setting.substeps = 1;
+    setting.substeps = Runner::new(&setting, &[], &rough.point)?.substeps();
     let first = rough.likelihood(&setting);
     let open: Vec<usize> = (0..question.library.len()).filter(|i| question.library[*i].inapplicable(setting.scene).is_none()).collect();
     let search = Search { setting, library: question.library, open, known };
@@ -238,15 +275,7 @@ impl Story<'_> {
         parameters.iter().zip(values).any(|(p, v)| p.unit == "s" && *v > 0.0 && *v < setting.scene.scales.period)
     }
 
-    /// Twice the log-likelihood of the whole less what its effects cost. Comparable between readings of the same data: the scale of
-    /// each reading's own noise counts with it.
     fn evidence(&self) -> f64 {
-        let Self { search, selected, .. } = self;
-        let rows = search.setting.layout.counted() as f64;
-        let scale: f64 = selected.whitening.noise.innovation.iter().map(|s| 2.0 * rows * s.ln()).sum();
-        let effects = selected.state.effects.len();
-        let freedom = selected.state.fit.rank(&search.setting).saturating_sub(selected.base.rank(&search.setting)).max(effects);
-        let cost = freedom as f64 * search.log_values() + effects as f64 * (search.penalty(1) - search.log_values());
-        selected.state.fit.likelihood(&search.setting) - scale - cost
+        evidence(&self.search, &self.selected.state, &self.selected.whitening, &self.selected.base)
     }
 }

@@ -20,6 +20,7 @@ mod judge;
 pub mod locate;
 pub mod noise;
 mod question;
+mod race;
 pub mod residuals;
 mod screen;
 mod select;

@@ -4,6 +4,7 @@
 //! projected on the complement of what the current model's parameters can do, it is held against the residual: with a free
 //! amplitude where the response is proportional to it, as it is where a kink makes its shape depend on its size.
 
+use std::cell::RefCell;
 use std::sync::Arc;
 
 use nalgebra::{DMatrix, DVector};
@@ -52,9 +53,33 @@ pub(crate) struct Candidate {
 
 /// The model that effects are added to.
 pub(crate) struct Current<'s, 'a> {
-    pub(crate) setting: &'s Setting<'a>,
-    pub(crate) effects: &'s [&'s dyn Effect],
-    pub(crate) fit: &'s Fit,
+    setting: &'s Setting<'a>,
+    effects: &'s [&'s dyn Effect],
+    fit: &'s Fit,
+    /// Its free runs by the number of steps between samples: what is compared is stepped alike.
+    runs: RefCell<Vec<(usize, Shared)>>,
+}
+
+impl<'s, 'a> Current<'s, 'a> {
+    pub(crate) fn new(setting: &'s Setting<'a>, effects: &'s [&'s dyn Effect], fit: &'s Fit) -> Self {
+        Self { setting, effects, fit, runs: RefCell::new(Vec::new()) }
+    }
+
+    /// The free run with so many steps between samples.
+    fn run(&self, substeps: usize) -> Option<Shared> {
+        if let Some((_, run)) = self.runs.borrow().iter().find(|(s, _)| *s == substeps) {
+            return Some(Arc::clone(run));
+        }
+        let point = &self.fit.point;
+        let mut runner = Runner::with_substeps(self.setting, self.effects, point, substeps).ok()?;
+        let mut run = vec![0.0; self.setting.layout.len()];
+        if !runner.run(&point.x, &point.starts, &mut run) {
+            return None;
+        }
+        let run = Arc::new(run);
+        self.runs.borrow_mut().push((substeps, Arc::clone(&run)));
+        Some(run)
+    }
 }
 
 /// Responses of library effects at all their starts.
@@ -85,16 +110,17 @@ fn respond(
     start: Start,
     known: &mut Known,
 ) -> Option<Response> {
-    let Current { setting, effects, fit } = *current;
+    let Current { setting, effects, fit, .. } = *current;
     let joined: Vec<&dyn Effect> = effects.iter().copied().chain(std::iter::once(effect)).collect();
     let mut columns = Vec::with_capacity(start.columns.len());
     let at = |values: &[f64]| Point { x: fit.point.x.iter().chain(values).copied().collect(), starts: fit.point.starts.clone() };
     let mut runner = match known.substeps {
         Some(substeps) => Runner::with_substeps(setting, &joined, &at(&start.values), substeps),
-        None => Runner::new(setting, &joined, &at(&start.values)),
+        None => Runner::coarse(setting, &joined, &at(&start.values)),
     }
     .ok()?;
     known.substeps = Some(runner.substeps());
+    let without = current.run(runner.substeps())?;
     for c in 0..start.columns.len() {
         let values = values_of(parameters, &start, &|other| if other == c { 1.0 } else { 0.0 });
         if let Some((_, same)) = known.columns.iter().find(|(v, _)| *v == values) {
@@ -104,7 +130,7 @@ fn respond(
         let mut column = vec![0.0; setting.layout.len()];
         let x: Vec<f64> = fit.point.x.iter().chain(&values).copied().collect();
         if runner.run(&x, &fit.point.starts, &mut column) {
-            column.iter_mut().zip(&fit.simulated).for_each(|(c, s)| *c -= s);
+            column.iter_mut().zip(&*without).for_each(|(c, s)| *c -= s);
         } else {
             column.fill(0.0);
         }

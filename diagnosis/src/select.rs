@@ -3,17 +3,18 @@
 //! The score of an addition is the extended Bayesian information criterion (Chen and Chen, Biometrika 95, 2008):
 //! gain − df ln N − 2 ln(size of the library), the gain twice a log-likelihood under noise that is whitened, df by numerical rank.
 
-use wheelwright_core::effect::{Effect, EffectParameter, Stage, Start};
+use wheelwright_core::effect::{Effect, EffectParameter, Stage};
 
 use crate::diagnose::Known;
 use crate::fit::Fitted;
 use crate::fit::algebra::Directions;
 use crate::fit::base::renew;
-use crate::fit::search::{Effort, Fit, evaluate, linearise, maximise};
+use crate::fit::search::{Effort, Fit, evaluate, maximise};
 use crate::fit::setting::{Point, Runner, Setting};
 use crate::fit::whitening::Whitening;
 use crate::noise::Noise;
 use crate::question::DiagnosisError;
+use crate::race::{Field, Refined, even};
 use crate::screen::{Candidate, Current, Projected, Projection, Response, responses, responses_at};
 
 /// Most effects of one explanation.
@@ -22,41 +23,20 @@ const MOST: usize = 3;
 const MOST_PARTS: usize = 2 * MOST;
 /// Effects, and starts of each, that are simulated again beside the effects of a model.
 const RESIMULATED: (usize, usize) = (12, 3);
-/// Effects that enter the race after screening.
-const ENTRANTS: usize = 20;
-/// Rounds of the race: steps, and effects that go on after them. Six finish: the prototype of this method found the truth among so many
-/// always.
-const RACE: [(usize, usize); 2] = [(3, 10), (5, 6)];
-/// The same where a member's place is contested: what could replace it has been seen before.
-const CONTEST: [(usize, usize); 2] = [(3, 5), (5, 3)];
-/// Effects that enter that race.
-const CONTESTANTS: usize = 8;
-/// Starts of an effect that are tried beside the parameters of the regression.
-const UNBENT: usize = 6;
-/// How much coarser the race is stepped than the fit that counts: the error of a step of second order is then still a sixth of the noise.
-const COARSE: usize = 4;
-/// Variants of one effect that may go on together.
-const VARIANTS: usize = 2;
-/// Linearised gain below which no refinement makes evidence: a free parameter gains one by chance.
-const HOPELESS: f64 = 4.0;
 /// Share of what the first effects explain that a further one must add: less is the imperfect form of the first.
 const SHARE: f64 = 0.02;
 /// Noise whose past tells a third of its variance could as well be motion.
 const COLOURED: f64 = 1.2;
 /// What an exchange must gain, so that it is no toss of a coin.
-const EXCHANGE: f64 = 2.0;
+pub(crate) const EXCHANGE: f64 = 2.0;
 
 /// Share of a parameter that must lie in directions the data tell, for an interval to mean anything.
 pub(crate) const TOLD: f64 = 0.9;
 
-/// Refinement of a candidate: enough to rank it.
-const RANKING: Effort = Effort { trials: 14, worthwhile: 0.5, target: f64::NEG_INFINITY };
-/// How often a detour may lead on.
-const DETOURS: usize = 4;
 /// Refinement of what is reported.
 pub(crate) const FINAL: Effort = Effort { trials: 20, worthwhile: 0.01, target: f64::NEG_INFINITY };
 /// Refinement of a fit that only has to be compared.
-const COMPARING: Effort = Effort { trials: 10, worthwhile: 0.1, target: f64::NEG_INFINITY };
+pub(crate) const COMPARING: Effort = Effort { trials: 10, worthwhile: 0.1, target: f64::NEG_INFINITY };
 
 /// A model with effects under a noise model.
 #[derive(Debug, Clone)]
@@ -64,15 +44,6 @@ pub(crate) struct State {
     /// Indices in the library, in the order in which they were added.
     pub(crate) effects: Vec<usize>,
     pub(crate) fit: Fit,
-}
-
-/// A refined candidate.
-#[derive(Debug, Clone)]
-pub(crate) struct Refined {
-    pub(crate) effect: usize,
-    pub(crate) fit: Fit,
-    /// Penalised gain over the model it was added to.
-    pub(crate) score: f64,
 }
 
 /// An explanation in which another effect takes a member's place.
@@ -107,49 +78,6 @@ pub(crate) struct Selected {
     pub(crate) ranking: Vec<(usize, f64)>,
 }
 
-/// Who races, and how.
-struct Field<'f> {
-    /// Most effects that enter.
-    entrants: usize,
-    /// Rounds: steps, and effects that go on after them.
-    race: [(usize, usize); 2],
-    /// The model's unknowns as they are beside an effect whose place is contested: without it they bend to what it did.
-    unbent: Option<&'f [f64]>,
-}
-
-/// Any effect, beside a model as it is.
-const OPEN: Field<'static> = Field { entrants: ENTRANTS, race: RACE, unbent: None };
-
-/// An effect on its way to the end of its fit.
-struct Racing<'s, 'a> {
-    effect: usize,
-    name: &'a str,
-    runner: Runner<'s, 'a>,
-    fit: Fit,
-    /// Twice the log-likelihood less what the effect's parameters cost.
-    value: f64,
-}
-
-impl<'s, 'a> Racing<'s, 'a> {
-    fn new(search: &'s Search<'a>, effect: usize, runner: Runner<'s, 'a>, fit: Fit) -> Self {
-        let cost = search.effect(effect).parameters(search.setting.scene).len() as f64 * search.log_values();
-        let value = fit.likelihood(&search.setting) - cost;
-        Self { effect, name: search.effect(effect).name(), runner, fit, value }
-    }
-
-    /// The same some steps further.
-    fn on(self, search: &'s Search<'a>, whitening: &Whitening, effort: Effort) -> Self {
-        let Self { effect, mut runner, fit, .. } = self;
-        let fit = maximise(&search.setting, &mut runner, whitening, fit, effort, false);
-        Self::new(search, effect, runner, fit)
-    }
-}
-
-/// Whether a start has the same value for all parameters.
-fn even(start: &Start) -> bool {
-    start.values.windows(2).all(|w| w[0] == w[1])
-}
-
 /// Whether noise is so coloured that a misfit could hide in it.
 fn coloured(noise: &Noise) -> bool {
     noise.deviation.iter().zip(&noise.innovation).any(|(all, new)| *all > COLOURED * new)
@@ -158,18 +86,6 @@ fn coloured(noise: &Noise) -> bool {
 /// Whether one family is the other or a part of it.
 fn related(a: &str, b: &str) -> bool {
     a.split('/').zip(b.split('/')).all(|(a, b)| a == b)
-}
-
-/// The first places, best first: each effect once, and not too many variants of one name.
-fn thinned<'s, 'a>(racing: Vec<Racing<'s, 'a>>, places: usize) -> Vec<Racing<'s, 'a>> {
-    let mut kept: Vec<Racing<'s, 'a>> = Vec::with_capacity(places);
-    for racer in racing {
-        let variants = kept.iter().filter(|k| k.name == racer.name).count();
-        if kept.len() < places && variants < VARIANTS && kept.iter().all(|k| k.effect != racer.effect) {
-            kept.push(racer);
-        }
-    }
-    kept
 }
 
 impl<'a> Search<'a> {
@@ -218,7 +134,7 @@ impl<'a> Search<'a> {
     /// Raw responses of all effects that may join a model.
     pub(crate) fn respond(&self, state: &State) -> Vec<Response> {
         let effects = self.effects(&state.effects);
-        let current = Current { setting: &self.setting, effects: &effects, fit: &state.fit };
+        let current = Current::new(&self.setting, &effects, &state.fit);
         let may = |i: &&usize| self.joins(**i, &state.effects);
         let library: Vec<(usize, &dyn Effect)> = self.open.iter().filter(may).map(|i| (*i, self.effect(*i))).collect();
         responses(&current, &library)
@@ -229,7 +145,7 @@ impl<'a> Search<'a> {
     fn respond_again(&self, state: &State, whitening: &Whitening, first: &[Response]) -> Vec<Response> {
         let effects = self.effects(&state.effects);
         let screened = self.screen(state, whitening, first);
-        let current = Current { setting: &self.setting, effects: &effects, fit: &state.fit };
+        let current = Current::new(&self.setting, &effects, &state.fit);
         let of = |candidates: &Vec<Candidate>| {
             let starts = candidates.iter().take(RESIMULATED.1).map(|c| first[c.response].start.clone()).collect();
             responses_at(&current, candidates[0].effect, self.effect(candidates[0].effect), starts)
@@ -263,7 +179,7 @@ impl<'a> Search<'a> {
         by_effect
     }
 
-    fn projection<'p>(&'p self, state: &'p State, whitening: &'p Whitening) -> Projection<'p, 'a> {
+    pub(crate) fn projection<'p>(&'p self, state: &'p State, whitening: &'p Whitening) -> Projection<'p, 'a> {
         Projection::new(&self.setting, whitening, &state.fit, &self.parameters(&state.effects))
     }
 
@@ -271,135 +187,8 @@ impl<'a> Search<'a> {
         candidate.gain - candidate.freedom as f64 * self.log_values()
     }
 
-    /// The most promising effects, fitted jointly with the model they join; best first.
-    ///
-    /// What a response far from the model promises is often not to be had: the base parameters would have to move too far for a
-    /// linear answer. So more effects than can be fitted to the end enter a race and are thinned out by the likelihood they have reached.
-    fn refine(
-        &self,
-        state: &State,
-        whitening: &Whitening,
-        screened: &[Vec<Candidate>],
-        responses: &[Response],
-        field: &Field<'_>,
-    ) -> Vec<Refined> {
-        let projection = self.projection(state, whitening);
-        let rank = state.fit.rank(&self.setting);
-        let before = state.fit.likelihood(&self.setting);
-        let closes = |c: &Vec<Candidate>| self.effect(c[0].effect).stage() == Stage::Loop;
-        let mut names: Vec<&str> = Vec::new();
-        let mut few = |c: &&Vec<Candidate>| {
-            let name = self.effect(c[0].effect).name();
-            names.push(name);
-            names.iter().filter(|n| **n == name).count() <= VARIANTS
-        };
-        let open = screened.iter().filter(|c| c[0].gain > HOPELESS && !closes(c)).filter(&mut few).take(field.entrants);
-        let entrants = open.chain(screened.iter().filter(|c| closes(c)));
-        let mut racing: Vec<Racing<'_, 'a>> =
-            entrants.flat_map(|candidates| self.enter(state, &projection, whitening, candidates, responses, field)).collect();
-        for (trials, places) in field.race {
-            let effort = Effort { trials, ..RANKING };
-            racing = racing.into_iter().map(|r| r.on(self, whitening, effort)).collect();
-            racing.sort_by(|a, b| b.value.total_cmp(&a.value));
-            racing = thinned(racing, places);
-        }
-        let mut refined: Vec<Refined> = Vec::new();
-        for Racing { effect, fit: coarse, .. } in racing {
-            let indices: Vec<usize> = state.effects.iter().copied().chain([effect]).collect();
-            let Some(mut runner) = self.runner(&indices, &coarse.point) else { continue };
-            let Some(mut fit) = evaluate(&self.setting, &mut runner, whitening, &coarse.point) else { continue };
-            fit.columns = coarse.columns;
-            let target = refined.iter().map(|r| r.fit.likelihood(&self.setting)).fold(before, f64::max);
-            let effort = Effort { target, ..RANKING };
-            let fit = maximise(&self.setting, &mut runner, whitening, fit, effort, false);
-            let fit = self.detour(effect, &mut runner, whitening, fit, effort);
-            let gain = fit.likelihood(&self.setting) - before;
-            let freedom = fit.rank(&self.setting).saturating_sub(rank).max(1);
-            refined.push(Refined { effect, fit, score: gain - self.penalty(freedom) });
-        }
-        refined.sort_by(|a, b| b.score.total_cmp(&a.score));
-        // Among equals the library's order decides: the more common cause stands first.
-        let best = refined.first().map_or(0.0, |r| r.score);
-        let equals = refined.iter().take_while(|r| r.score > best - EXCHANGE).count();
-        refined[..equals].sort_by_key(|r| r.effect);
-        refined
-    }
-
-    /// An effect at the better of its two best starts, and at the one that changes least: from there the way leads uphill, if slowly.
-    fn enter<'s>(
-        &'s self,
-        state: &State,
-        projection: &Projection<'_, '_>,
-        whitening: &Whitening,
-        candidates: &[Candidate],
-        responses: &[Response],
-        field: &Field<'_>,
-    ) -> Vec<Racing<'s, 'a>> {
-        let mut indices = state.effects.clone();
-        indices.push(candidates[0].effect);
-        let effects = self.effects(&indices);
-        let gentle = candidates.iter().filter(|c| c.information > 0.0).min_by(|a, b| a.information.total_cmp(&b.information));
-        let mut substeps = None;
-        let mut at = |start: Vec<f64>| {
-            let point = Point { x: start, starts: state.fit.point.starts.clone() };
-            let coarse = match substeps {
-                Some(substeps) => substeps,
-                None => (Runner::new(&self.setting, &effects, &point).ok()?.substeps() / COARSE).max(self.setting.substeps),
-            };
-            substeps = Some(coarse);
-            let mut runner = Runner::with_substeps(&self.setting, &effects, &point, coarse).ok()?;
-            let fit = evaluate(&self.setting, &mut runner, whitening, &point)?;
-            Some(Racing::new(self, candidates[0].effect, runner, fit))
-        };
-        let bold = candidates.iter().take(2).filter_map(|c| at(projection.start(&responses[c.response], c)));
-        let bold = bold.reduce(|a, b| if b.value > a.value { b } else { a });
-        let gentle = gentle.and_then(|c| at([&state.fit.point.x[..], &responses[c.response].start.values].concat()));
-        if self.effect(candidates[0].effect).stage() == Stage::Loop {
-            // A loop changes what every parameter does: what is linear about the open one says nothing. It enters closed, all columns new.
-            let even = |c: &&Candidate| even(&responses[c.response].start);
-            let closed = |c: &Candidate| at([&state.fit.point.x[..], &responses[c.response].start.values].concat());
-            return candidates.iter().filter(even).step_by(2).filter_map(closed).collect();
-        }
-        // The model bends its parameters to what the effect does; where they are otherwise known they may be nearer to the truth.
-        let rough = self.setting.rough.as_deref().filter(|_| state.effects.is_empty() && !responses[candidates[0].response].start.linear);
-        let unbent = field.unbent.or(rough).and_then(|z| {
-            let every = candidates.len().div_ceil(UNBENT);
-            let tried = candidates.iter().step_by(every).filter_map(|c| at([z, &responses[c.response].start.values[..]].concat()));
-            tried.reduce(|a, b| if b.value > a.value { b } else { a })
-        });
-        let mut entered: Vec<Racing<'s, 'a>> = bold.into_iter().chain(gentle).collect();
-        for racing in &mut entered {
-            // The model's own columns are those it had without the effect until a step disappoints.
-            racing.fit.columns = state.fit.columns.clone();
-            let (own, all) = (racing.fit.columns.len(), racing.fit.point.x.len());
-            linearise(&mut racing.runner, whitening, &mut racing.fit, own..all);
-        }
-        entered.extend(unbent);
-        entered
-    }
-
-    /// Looks at an effect's other values and goes on from the best of them as long as that leads anywhere.
-    fn detour(&self, effect: usize, runner: &mut Runner<'_, '_>, whitening: &Whitening, mut fit: Fit, effort: Effort) -> Fit {
-        let effect = self.effect(effect);
-        for _ in 0..DETOURS {
-            let own = fit.point.x.len() - effect.parameters(self.setting.scene).len();
-            let mut best: Option<Fit> = None;
-            for values in effect.detours(&fit.point.x[own..], self.setting.scene) {
-                let mut point = fit.point.clone();
-                point.x[own..].copy_from_slice(&values);
-                let Some(there) = evaluate(&self.setting, runner, whitening, &point) else { continue };
-                if there.likelihood(&self.setting) > best.as_ref().unwrap_or(&fit).likelihood(&self.setting) + RANKING.worthwhile {
-                    best = Some(there);
-                }
-            }
-            let Some(there) = best else { break };
-            fit = maximise(&self.setting, runner, whitening, there, effort, false);
-        }
-        fit
-    }
-
     /// Noise as a fit leaves it.
-    fn noise_of(&self, indices: &[usize], fit: &Fit, whitening: &Whitening) -> Option<Noise> {
+    pub(crate) fn noise_of(&self, indices: &[usize], fit: &Fit, whitening: &Whitening) -> Option<Noise> {
         let mut runner = self.runner(indices, &fit.point)?;
         let mut residual = vec![0.0; self.setting.layout.len()];
         if !runner.run(&fit.point.x, &fit.point.starts, &mut residual) {
@@ -408,6 +197,19 @@ impl<'a> Search<'a> {
         residual.iter_mut().zip(&self.setting.measured).for_each(|(r, y)| *r = y - *r);
         let taken = fit.rank(&self.setting) as f64 + whitening.taken();
         Some(Noise::estimate(&residual, &self.setting.layout, taken, &self.setting.floor))
+    }
+
+    /// The fit from a point under a noise model.
+    pub(crate) fn at(&self, indices: &[usize], point: Point, noise: &Noise) -> Option<(Whitening, Fit)> {
+        let mut runner = self.runner(indices, &point)?;
+        let mut simulated = vec![0.0; self.setting.layout.len()];
+        if !runner.run(&point.x, &point.starts, &mut simulated) {
+            return None;
+        }
+        let whitening = Whitening::new(noise.clone(), &self.setting.layout, &mut runner, &point, &simulated);
+        let fit = evaluate(&self.setting, &mut runner, &whitening, &point)?;
+        let fit = maximise(&self.setting, &mut runner, &whitening, fit, COMPARING, false);
+        Some((whitening, fit))
     }
 
     /// A fit under another noise model.
@@ -458,7 +260,7 @@ impl<'a> Search<'a> {
             &fresh
         };
         let screened = self.screen(&selected.state, &selected.whitening, responses);
-        let refined = self.refine(&selected.state, &selected.whitening, &screened, responses, &OPEN);
+        let refined = self.refine(&selected.state, &selected.whitening, &screened, responses, &Field::open());
         let joined = (0..refined.len().min(2)).filter(|i| refined[*i].score > 0.0).find_map(|i| self.join(selected, &refined, i));
         (self.ranking(&screened, &refined), joined)
     }
@@ -589,8 +391,7 @@ impl<'a> Search<'a> {
         let screened = self.screen(&rest, &selected.whitening, &responses);
         let others: Vec<Vec<Candidate>> = screened.into_iter().filter(|c| c[0].effect != dropped).collect();
         let unbent: Vec<f64> = self.unknowns(&selected.state, &|i| i != member).map(|j| selected.state.fit.point.x[j]).collect();
-        let field = Field { entrants: CONTESTANTS, race: CONTEST, unbent: Some(&unbent) };
-        let refined = self.refine(&rest, &selected.whitening, &others, &responses, &field);
+        let refined = self.refine(&rest, &selected.whitening, &others, &responses, &Field::contest(&unbent));
         (rest, refined)
     }
 
@@ -630,7 +431,7 @@ impl<'a> Search<'a> {
     }
 
     /// Indices of the unknowns of a model that stay if some of its effects do.
-    fn unknowns(&self, state: &State, keep: &dyn Fn(usize) -> bool) -> impl Iterator<Item = usize> + use<> {
+    pub(crate) fn unknowns(&self, state: &State, keep: &dyn Fn(usize) -> bool) -> impl Iterator<Item = usize> + use<> {
         let free = self.setting.free();
         let mut all: Vec<usize> = (0..free).collect();
         let mut at = free;

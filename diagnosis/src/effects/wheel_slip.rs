@@ -144,5 +144,5 @@ impl Effect for WheelSlip {
 /// A push that goes over smoothly into its limit.
 fn limited(push: f64, limit: f64) -> f64 {
     let over = (push / limit).abs().min(1e6);
-    push / (1.0 + over.powi(4)).powf(0.25)
+    push / (1.0 + over.powi(4)).sqrt().sqrt()
 }

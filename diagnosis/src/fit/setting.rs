@@ -15,6 +15,12 @@ const DIFFERENCE: f64 = 1e-3;
 /// small jumps of an adaptive step.
 const EFFECT_DIFFERENCE: f64 = 1e-2;
 
+/// How much coarser than a fit that counts it is stepped what only has to be ranked: the error of a step of second order is then still a
+/// sixth of the noise.
+const COARSE: usize = 4;
+/// Most steps between samples of a fit that counts.
+const MOST_SUBSTEPS: usize = 16;
+
 /// Data, model and what all fits share.
 #[derive(Debug, Clone)]
 pub(crate) struct Setting<'a> {
@@ -119,28 +125,39 @@ pub(crate) struct Runner<'s, 'a> {
 impl<'s, 'a> Runner<'s, 'a> {
     /// A runner whose step suits the point.
     pub(crate) fn new(setting: &'s Setting<'a>, effects: &[&'s dyn Effect], at: &Point) -> Result<Self, ModelError> {
-        let free = setting.free();
-        let theta = setting.map.theta(&at.x[..free]);
-        let mut simulator = EffectSimulator::new(setting.model, &theta, effects, setting.scene)?.with_readout(setting.readout);
-        simulator.set(&theta, &at.x[free..])?;
-        simulator.set_tolerance(setting.tolerance);
-        let chosen = simulator.choose_substeps(&setting.data.stretches)?;
-        simulator.set_substeps(chosen.max(setting.substeps));
-        let parameters = effects.iter().flat_map(|e| e.parameters(setting.scene)).collect();
-        Ok(Self { setting, simulator, parameters, buffer: vec![Vec::new(); setting.layout.outputs()] })
+        let mut runner = Self::unstepped(setting, effects, at)?;
+        runner.simulator.set_accuracy(setting.tolerance, MOST_SUBSTEPS);
+        let chosen = runner.simulator.choose_substeps(&setting.data.stretches)?;
+        runner.simulator.set_substeps(chosen.max(setting.substeps));
+        Ok(runner)
     }
 
-    /// The same at another point whose step is known to do.
+    /// The same, as coarse as does for a rank.
+    pub(crate) fn coarse(setting: &'s Setting<'a>, effects: &[&'s dyn Effect], at: &Point) -> Result<Self, ModelError> {
+        let mut runner = Self::unstepped(setting, effects, at)?;
+        runner.simulator.set_accuracy((COARSE * COARSE) as f64 * setting.tolerance, MOST_SUBSTEPS / COARSE);
+        runner.simulator.choose_substeps(&setting.data.stretches)?;
+        runner.simulator.set_accuracy(setting.tolerance, MOST_SUBSTEPS / COARSE);
+        Ok(runner)
+    }
+
+    /// A coarse one whose step is known to do.
     pub(crate) fn with_substeps(
         setting: &'s Setting<'a>,
         effects: &[&'s dyn Effect],
         at: &Point,
         substeps: usize,
     ) -> Result<Self, ModelError> {
-        let free = setting.free();
-        let theta = setting.map.theta(&at.x[..free]);
+        let mut runner = Self::unstepped(setting, effects, at)?;
+        runner.simulator.set_accuracy(setting.tolerance, MOST_SUBSTEPS / COARSE);
+        runner.simulator.set_substeps(substeps);
+        Ok(runner)
+    }
+
+    fn unstepped(setting: &'s Setting<'a>, effects: &[&'s dyn Effect], at: &Point) -> Result<Self, ModelError> {
+        let theta = setting.map.theta(&at.x[..setting.free()]);
         let mut simulator = EffectSimulator::new(setting.model, &theta, effects, setting.scene)?.with_readout(setting.readout);
-        simulator.set_substeps(substeps);
+        simulator.set(&theta, &at.x[setting.free()..])?;
         let parameters = effects.iter().flat_map(|e| e.parameters(setting.scene)).collect();
         Ok(Self { setting, simulator, parameters, buffer: vec![Vec::new(); setting.layout.outputs()] })
     }

@@ -130,7 +130,7 @@ fn the_score_of_an_effect_under_the_null_is_chi_squared() {
     let (mut sum, mut count) = (0.0, 0.0);
     for seed in 0..12 {
         fitted(&Case::clean(100 + seed), |setting, whitening, base| {
-            let current = Current { setting, effects: &[], fit: base };
+            let current = Current::new(setting, &[], base);
             let all = responses(&current, &[(0, &asymmetry), (1, &friction)]);
             let projection = Projection::new(setting, whitening, base, &[]);
             let gains: Vec<f64> = all.iter().enumerate().map(|(i, r)| projection.candidate(i, r, &mut Projected::default()).gain).collect();

@@ -9,8 +9,7 @@ use wheelwright_core::{Channel, channel};
 use wheelwright_diagnosis::effects::library;
 
 /// Below this line the page is made.
-const MARK: &str =
-    "<!-- Made from the code. To make it again: WHEELWRIGHT_WRITE_DOCS=1 cargo test -p wheelwright-diagnosis --test documentation -->";
+const MARK: &str = "<!-- Made from the code. To make it again: WHEELWRIGHT_WRITE_DOCS=1 cargo test -p wheelwright-diagnosis --test suite documentation -->";
 
 fn root() -> PathBuf {
     PathBuf::from(env!("CARGO_MANIFEST_DIR"))

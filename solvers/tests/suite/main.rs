@@ -4,7 +4,6 @@
 mod behaviour;
 mod common;
 mod iv;
-mod notes;
 mod numerics;
 mod output_error;
 mod recursive;

@@ -27,18 +27,18 @@ use crate::simulation::Readout;
 
 /// Difference between a step and two halves, relative to the outputs' root mean square, that the pilot aims at.
 const TOLERANCE: f64 = 2e-5;
-/// Most sub-steps that the pilot may choose.
+/// Most steps between samples that the pilot may choose, unless told otherwise.
 const MAX_SUBSTEPS: usize = 16;
 /// Change of an output within a step by the change of the right side alone, relative to its root mean square, above which the step is
 /// looked at more closely.
 const BEND: f64 = 0.02;
-/// What such a step may miss of an output, relative to its root mean square, before the interval is stepped again more finely: a few
-/// times the pilot's aim.
-const MISSED: f64 = 1e-4;
+/// What such a step may miss of an output before the interval is stepped again more finely, in terms of the pilot's aim.
+const MISSED: f64 = 5.0;
 /// Outputs beyond this cannot be squared and multiplied any more.
 const OVERFLOW: f64 = 1e100;
-/// How much more finely at most.
+/// How much more finely at most; and altogether, in terms of what the pilot may choose.
 const REFINEMENT: usize = 8;
+const FINEST: usize = 2;
 /// A model with effects and their parameters, ready to be run. Stepping allocates nothing.
 #[derive(Debug)]
 pub struct EffectSimulator<'a> {
@@ -49,6 +49,7 @@ pub struct EffectSimulator<'a> {
     readout: Readout,
     substeps: usize,
     tolerance: f64,
+    most: usize,
     linear: Linear,
     body: Body,
     /// Numbers of all effects' states, now and at the start of the interval.
@@ -75,6 +76,7 @@ impl<'a> EffectSimulator<'a> {
             readout: Readout::default(),
             substeps: 1,
             tolerance: TOLERANCE,
+            most: MAX_SUBSTEPS,
             linear,
             body: Body::new(n, m, scene),
             state: vec![0.0; slots.states],
@@ -97,9 +99,11 @@ impl<'a> EffectSimulator<'a> {
     }
 
     /// Sets the difference between a step and two halves, relative to the outputs' root mean square, that
-    /// [`choose_substeps`](Self::choose_substeps) aims at: where noise is known, no more accuracy is needed than a small share of it.
-    pub fn set_tolerance(&mut self, relative: f64) {
+    /// [`choose_substeps`](Self::choose_substeps) aims at, and the most steps between samples (at most 16) that it may take for it: where
+    /// noise is known, no more accuracy is needed than a small share of it. Steps across a kink are made finer to the same measure.
+    pub fn set_accuracy(&mut self, relative: f64, most: usize) {
         self.tolerance = relative.max(TOLERANCE);
+        self.most = most.clamp(1, MAX_SUBSTEPS);
     }
 
     /// Steps an interval between samples is divided into.
@@ -128,7 +132,7 @@ impl<'a> EffectSimulator<'a> {
         let windows = windows(stretches);
         self.substeps = 1;
         let mut coarse = self.pilot(stretches, &windows)?;
-        while self.substeps < MAX_SUBSTEPS {
+        while self.substeps < self.most {
             self.substeps *= 2;
             let fine = self.pilot(stretches, &windows)?;
             let (mut sum, mut count) = (0.0, 0.0_f64);

@@ -5,7 +5,7 @@
 
 use super::linear::Linear;
 use super::slots::Slots;
-use super::{BEND, EffectSimulator, MISSED, OVERFLOW, REFINEMENT};
+use super::{BEND, EffectSimulator, FINEST, MISSED, OVERFLOW, REFINEMENT};
 use crate::dataset::Stretch;
 use crate::effect::{Instant, Motion, Scene};
 use crate::model::{ModelError, RegressorModel};
@@ -150,13 +150,13 @@ impl EffectSimulator<'_> {
         self.body.saved.copy_from_slice(&self.body.x);
         self.saved.copy_from_slice(&self.state);
         let kept = self.trace.len();
-        let missed = self.pass::<N, DIAGONAL>(at, end, self.substeps)?;
-        if missed > MISSED && self.body.x.iter().all(|x| x.is_finite()) {
+        let missed = self.pass::<N, DIAGONAL>(at, end, self.substeps)? / (MISSED * self.tolerance);
+        if missed > 1.0 && self.substeps < FINEST * self.most && self.body.x.iter().all(|x| x.is_finite()) {
             self.body.x.copy_from_slice(&self.body.saved);
             self.state.copy_from_slice(&self.saved);
             self.trace.truncate(kept, self.body.x.len());
-            let finer = ((missed / MISSED).sqrt().ceil() as usize).min(REFINEMENT);
-            self.pass::<N, DIAGONAL>(at, end, finer * self.substeps)?;
+            let finer = (missed.sqrt().ceil() as usize).min(REFINEMENT) * self.substeps;
+            self.pass::<N, DIAGONAL>(at, end, finer.min(FINEST * self.most))?;
         }
         Ok(())
     }
