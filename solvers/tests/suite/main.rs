@@ -4,6 +4,7 @@
 mod behaviour;
 mod common;
 mod iv;
+mod notes;
 mod numerics;
 mod output_error;
 mod recursive;

@@ -196,7 +196,7 @@ fn the_embedded_values_are_those_of_the_reference_file() {
 }
 
 /// Errors of θ1 and θ2 in percent, of the others absolute.
-fn errors(theta: &[f64], truth: &[f64; 6]) -> [f64; 6] {
+pub fn errors(theta: &[f64], truth: &[f64; 6]) -> [f64; 6] {
     std::array::from_fn(|i| if i < 2 { 100.0 * (theta[i] / truth[i] - 1.0) } else { theta[i] - truth[i] })
 }
 
@@ -222,7 +222,7 @@ fn undoing_the_hold_leaves_less_than_three_thousandths_on_the_khepera() {
 }
 
 /// Normal deviates by Box and Muller from the SplitMix64 sequence.
-fn normal(seed: u64, n: usize) -> Vec<f64> {
+pub fn normal(seed: u64, n: usize) -> Vec<f64> {
     let mut state = seed;
     let mut uniform = || {
         state = state.wrapping_add(0x9e37_79b9_7f4a_7c15);
