@@ -1,6 +1,6 @@
 //! The fit of the base model alone: from a rough start, or about parameters that are held.
 
-use super::search::{Effort, Fit, evaluate, linearise, maximise};
+use super::search::{Effort, Fit, evaluate, linearise, maximise, settled};
 use super::setting::{Runner, Setting};
 use super::whitening::Whitening;
 use crate::noise::Noise;
@@ -73,6 +73,7 @@ fn from(setting: &mut Setting<'_>, z: Vec<f64>) -> Option<Fit> {
         let first = evaluate(setting, &mut runner, &whitening, &point)?;
         let effort = Effort { trials: 25, worthwhile: if round == 0 { 1.0 } else { 0.02 }, target: f64::NEG_INFINITY };
         let found = maximise(setting, &mut runner, &whitening, first, effort, false);
+        let found = settled(setting, &mut runner, &whitening, found);
         point = found.point.clone();
         setting.substeps = runner.substeps();
         fit = Some(found);
@@ -93,6 +94,7 @@ pub(crate) fn renew(
     let unknowns = next.point.x.len();
     linearise(runner, &whitening, &mut next, 0..unknowns);
     let next = maximise(setting, runner, &whitening, next, effort, true);
+    let next = settled(setting, runner, &whitening, next);
     Some((whitening, next))
 }
 

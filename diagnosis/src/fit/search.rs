@@ -19,6 +19,8 @@ const OUT_OF_REACH: f64 = 40.0;
 /// Rate per sampling interval beyond which no trial goes: within one interval a step comes nearer to its end than the numerical error, and all
 /// that is faster looks the same, but for the time that it takes to simulate.
 const TOO_FAST: f64 = 20.0;
+/// By how much twice the log-likelihood may fall where starts are moved: more, and they are not as linear as the move takes them to be.
+const STRAIGHT: f64 = 1.0;
 /// Least damping.
 const LEAST_DAMPING: f64 = 1e-12;
 
@@ -37,7 +39,7 @@ pub(crate) struct Effort {
 #[derive(Debug, Clone)]
 pub(crate) struct Fit {
     pub(crate) point: Point,
-    /// Free run, flat, from the starts of `point` before they were last moved.
+    /// Free run, flat.
     pub(crate) simulated: Vec<f64>,
     /// Whitened residual, initial outputs projected out.
     pub(crate) residual: Vec<f64>,
@@ -93,18 +95,34 @@ pub(crate) fn squares(setting: &Setting<'_>, whitening: &Whitening, residual: &[
     parts(setting).into_iter().zip(numerical).map(|(p, numerical)| numerical + dot(&residual[p.clone()], &residual[p])).collect()
 }
 
-/// Simulates a point and settles its starts; `None` where it cannot be evaluated.
+/// Simulates a point; `None` where it cannot be evaluated.
 pub(crate) fn evaluate(setting: &Setting<'_>, runner: &mut Runner<'_, '_>, whitening: &Whitening, point: &Point) -> Option<Fit> {
     let mut simulated = vec![0.0; setting.layout.len()];
     if !runner.run(&point.x, &point.starts, &mut simulated) {
         return None;
     }
-    let mut point = point.clone();
-    let mut residual: Vec<f64> = setting.measured.iter().zip(&simulated).map(|(y, s)| y - s).collect();
-    whitening.settle(&mut residual, &mut point.starts);
+    let point = point.clone();
+    let mut residual = left(setting, &simulated);
+    whitening.settle(&mut residual, &point.starts);
     let squares = squares(setting, whitening, &residual);
     let unusual = usual(setting, runner).map(|(j, value, spread)| ((point.x[j] - value) / spread).powi(2)).sum();
     squares.iter().all(|s| s.is_finite()).then_some(Fit { point, simulated, residual, columns: Vec::new(), squares, unusual })
+}
+
+/// What a free run leaves of the measurement, flat.
+fn left(setting: &Setting<'_>, simulated: &[f64]) -> Vec<f64> {
+    setting.measured.iter().zip(simulated).map(|(y, s)| y - s).collect()
+}
+
+/// A fit from its likeliest initial outputs. A search keeps them where they are: what is linear about a start is not so far from it, and a start
+/// that moves with every step would make likelihoods that cannot be compared.
+pub(crate) fn settled(setting: &Setting<'_>, runner: &mut Runner<'_, '_>, whitening: &Whitening, fit: Fit) -> Fit {
+    let starts = whitening.likeliest(left(setting, &fit.simulated), &fit.point.starts);
+    let point = Point { x: fit.point.x.clone(), starts };
+    match evaluate(setting, runner, whitening, &point) {
+        Some(moved) if moved.likelihood(setting) > fit.likelihood(setting) - STRAIGHT => Fit { columns: fit.columns, ..moved },
+        _ => fit,
+    }
 }
 
 /// Unknowns that have a usual value, with it and its spread.

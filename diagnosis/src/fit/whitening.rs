@@ -80,22 +80,34 @@ impl Whitening {
         }
     }
 
-    /// Whitens the residual of a run from `starts`, moves these to where they are likeliest, and makes the residual that of a run
-    /// from the first samples, shrunk along what the starts can do.
-    pub(crate) fn settle(&self, residual: &mut [f64], starts: &mut [Vec<f64>]) {
+    /// Whitens the residual of a run from `starts` and makes it that of a run from the first samples, shrunk along what the starts can do.
+    pub(crate) fn settle(&self, residual: &mut [f64], starts: &[Vec<f64>]) {
         self.noise.whiten_flat(&self.layout, residual);
         for (s, known) in self.starts.iter().enumerate() {
-            let from: Vec<f64> = starts[s].iter().zip(&known.about).map(|(x, (first, deviation))| (x - first) / deviation).collect();
-            starts[s].iter_mut().zip(&known.about).for_each(|(x, (first, _))| *x = *first);
+            let from = known.from(&starts[s]);
             for direction in &known.directions {
                 let along = known.along(direction, residual, &self.layout, s);
                 let whole = along + direction.size * dot(&direction.outputs, &from);
                 known.add(direction, direction.shrinkage() * whole - along, residual, &self.layout, s);
-                let back = direction.size / (1.0 + direction.size * direction.size) * whole;
-                let moved = direction.outputs.iter().zip(&known.about).map(|(share, (_, deviation))| back * share * deviation);
-                starts[s].iter_mut().zip(moved).for_each(|(x, by)| *x += by);
             }
         }
+    }
+
+    /// The likeliest initial outputs, by the residual of a run from `starts`, flat.
+    pub(crate) fn likeliest(&self, mut residual: Vec<f64>, starts: &[Vec<f64>]) -> Vec<Vec<f64>> {
+        self.noise.whiten_flat(&self.layout, &mut residual);
+        let of = |(s, known): (usize, &StretchStarts)| {
+            let from = known.from(&starts[s]);
+            let mut likeliest: Vec<f64> = known.about.iter().map(|(first, _)| *first).collect();
+            for direction in &known.directions {
+                let whole = known.along(direction, &residual, &self.layout, s) + direction.size * dot(&direction.outputs, &from);
+                let back = direction.size / (1.0 + direction.size * direction.size) * whole;
+                let moved = direction.outputs.iter().zip(&known.about).map(|(share, (_, deviation))| back * share * deviation);
+                likeliest.iter_mut().zip(moved).for_each(|(x, by)| *x += by);
+            }
+            likeliest
+        };
+        self.starts.iter().enumerate().map(of).collect()
     }
 
     /// How much of the data the initial outputs take: degrees of freedom.
@@ -148,6 +160,11 @@ impl StretchStarts {
             Direction { values, outputs, size }
         });
         Self { rows, directions: directions.collect(), about }
+    }
+
+    /// Distances of initial outputs from the first samples, in units of how far off they may be.
+    fn from(&self, starts: &[f64]) -> Vec<f64> {
+        starts.iter().zip(&self.about).map(|(x, (first, deviation))| (x - first) / deviation).collect()
     }
 
     /// Component of values along a direction.
