@@ -30,7 +30,7 @@ extern "C" {
 #endif
 
 /* Raised with every change of a structure or a rule; a host loads exactly its own version. */
-#define WW_ABI_VERSION 2u
+#define WW_ABI_VERSION 3u
 
 #if defined(_WIN32)
 #define WW_EXPORT __declspec(dllexport)
@@ -69,6 +69,9 @@ typedef struct ww_robot_info {
     size_t n_inputs;
     size_t n_outputs;
     double period; /* control period [s] */
+    /* Not 0: time passes only in `step`, as fast as it returns, as in a simulation. 0: a period takes its time by the world's clock,
+     * so that a late command is late, and there is a countdown before anything moves. */
+    uint32_t simulated;
 } ww_robot_info;
 
 /* A robot. One handle's calls come one at a time and from one thread, but for two: when a call has not returned within the
@@ -442,7 +445,7 @@ WW_HELPER double ww_held(const ww_instant *at, double time, size_t input)
 #if UINTPTR_MAX == UINT64_MAX
 WW_LAYOUT(sizeof(ww_message) == 16 && offsetof(ww_message, capacity) == 8);
 WW_LAYOUT(sizeof(ww_channel) == 16 && offsetof(ww_channel, unit) == 8);
-WW_LAYOUT(sizeof(ww_robot_info) == 40 && offsetof(ww_robot_info, n_inputs) == 16 && offsetof(ww_robot_info, period) == 32);
+WW_LAYOUT(sizeof(ww_robot_info) == 48 && offsetof(ww_robot_info, n_inputs) == 16 && offsetof(ww_robot_info, simulated) == 40);
 WW_LAYOUT(sizeof(ww_robot) == 72 && offsetof(ww_robot, check) == 24 && offsetof(ww_robot, step) == 48 && offsetof(ww_robot, close) == 64);
 WW_LAYOUT(sizeof(ww_parameter) == 48 && offsetof(ww_parameter, excitation) == 24 && offsetof(ww_parameter, lower) == 32);
 WW_LAYOUT(sizeof(ww_model_info) == 88 && offsetof(ww_model_info, free_names) == 24 && offsetof(ww_model_info, n_inputs) == 48 &&

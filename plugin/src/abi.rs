@@ -7,7 +7,7 @@ use std::ffi::{c_char, c_void};
 use std::mem::{offset_of, size_of};
 
 /// Version of the interface; a library of another version is refused.
-pub const ABI_VERSION: u32 = 2;
+pub const ABI_VERSION: u32 = 3;
 
 /// Name of the one exported symbol.
 pub const SYMBOL: &str = "wheelwright_plugin";
@@ -67,6 +67,8 @@ pub struct RobotInfo {
     pub n_outputs: usize,
     /// Control period \[s\].
     pub period: f64,
+    /// Not 0 where time passes only in `step`.
+    pub simulated: u32,
 }
 
 /// Checks a configuration.
@@ -580,7 +582,7 @@ pub struct Plugin {
 const _: () = {
     assert!(size_of::<Message>() == 16 && offset_of!(Message, capacity) == 8);
     assert!(size_of::<Channel>() == 16 && offset_of!(Channel, unit) == 8);
-    assert!(size_of::<RobotInfo>() == 40 && offset_of!(RobotInfo, n_inputs) == 16 && offset_of!(RobotInfo, period) == 32);
+    assert!(size_of::<RobotInfo>() == 48 && offset_of!(RobotInfo, n_inputs) == 16 && offset_of!(RobotInfo, simulated) == 40);
     assert!(size_of::<Robot>() == 72 && offset_of!(Robot, check) == 24 && offset_of!(Robot, step) == 48 && offset_of!(Robot, close) == 64);
     assert!(size_of::<Parameter>() == 48 && offset_of!(Parameter, excitation) == 24 && offset_of!(Parameter, lower) == 32);
     assert!(size_of::<ModelInfo>() == 88 && offset_of!(ModelInfo, free_names) == 24);

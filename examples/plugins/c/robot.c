@@ -39,7 +39,7 @@ static ww_status open_base(const char *config, uint64_t seed, ww_robot_info *inf
         free(b);
         return WW_CONFIG;
     }
-    *info = (ww_robot_info){INPUTS, OUTPUTS, 2, 2, b->period};
+    *info = (ww_robot_info){INPUTS, OUTPUTS, 2, 2, b->period, .simulated = 1};
     *handle = b;
     return WW_OK;
 }

@@ -81,7 +81,7 @@ unsafe extern "C" fn open(
     let call = || {
         // SAFETY: the host's pointers are as the header says.
         let robot = unsafe { configured::<Box<dyn RobotConfig>>(config) }?.connect(seed)?;
-        let period = robot.period();
+        let (period, simulated) = (robot.period(), u32::from(!robot.real_time()));
         let opened = Box::new(Handle::new(robot));
         let described = abi::RobotInfo {
             inputs: opened.inputs.as_ptr(),
@@ -89,6 +89,7 @@ unsafe extern "C" fn open(
             n_inputs: opened.inputs.len(),
             n_outputs: opened.outputs.len(),
             period,
+            simulated,
         };
         // SAFETY: as above.
         unsafe {

@@ -118,6 +118,7 @@ struct Info {
     inputs: Vec<Channel>,
     outputs: Vec<Channel>,
     period: f64,
+    real_time: bool,
 }
 
 impl Info {
@@ -133,7 +134,7 @@ impl Info {
         if !(raw.period > 0.0 && raw.period <= Limits::LONGEST_S) {
             return Err(format!("its period is {} s; it must be above 0 and at most {} s", raw.period, Limits::LONGEST_S));
         }
-        Ok(Self { inputs, outputs, period: raw.period })
+        Ok(Self { inputs, outputs, period: raw.period, real_time: raw.simulated == 0 })
     }
 }
 
@@ -142,7 +143,7 @@ fn open(table: &RobotTable, config: &CString, seed: u64) -> Result<(Handle, Info
     let mut buffer = Buffer::<MESSAGE>::new();
     let message = buffer.abi();
     let nothing = std::ptr::null();
-    let mut raw = abi::RobotInfo { inputs: nothing, outputs: nothing, n_inputs: 0, n_outputs: 0, period: 0.0 };
+    let mut raw = abi::RobotInfo { inputs: nothing, outputs: nothing, n_inputs: 0, n_outputs: 0, period: 0.0, simulated: 0 };
     let mut pointer = std::ptr::null_mut();
     // SAFETY: a text with its NUL, and places to write that live until the call returns.
     let status = unsafe { (table.open)(config.as_ptr(), seed, &raw mut raw, &raw mut pointer, &raw const message) };
@@ -309,6 +310,10 @@ impl Robot for PluginRobot {
 
     fn period(&self) -> f64 {
         self.info.period
+    }
+
+    fn real_time(&self) -> bool {
+        self.info.real_time
     }
 
     fn measure(&mut self, measured: &mut [f64]) -> Result<f64, RobotError> {

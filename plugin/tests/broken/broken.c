@@ -242,7 +242,7 @@ const ww_plugin *wheelwright_plugin(void)
 #elif defined(WRONG_VERSION)
     plugin.header.abi_version = 1;
 #elif defined(WRONG_SIZE)
-    plugin.header.size_robot_info = 48;
+    plugin.header.size_robot_info = 40;
 #elif defined(OFFERS_NOTHING)
     plugin.robots = NULL;
     plugin.models = NULL;

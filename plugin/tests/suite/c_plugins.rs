@@ -30,7 +30,7 @@ fn the_example_robot_in_c_follows_its_references() {
     let mut robot = Live::new(robot(&registry, "type = \"c-base\"\ntau = 0.2\nperiod = 0.1").unwrap());
     assert_eq!(robot.inputs(), [V_REF, OMEGA_REF]);
     assert_eq!(robot.outputs(), [V, OMEGA]);
-    assert_eq!(robot.period(), 0.1);
+    assert_eq!((robot.period(), robot.real_time()), (0.1, false));
     let mut measured = [f64::NAN; 2];
     assert_eq!(robot.measure(&mut measured).unwrap(), 0.0);
     assert_eq!(measured, [0.0, 0.0]);
@@ -146,6 +146,7 @@ fn a_message_longer_than_the_buffer_is_cut() {
         return;
     }
     let mut robot = robot(&registry(&broken(&[])), "type = \"mock\"").unwrap();
+    assert!(robot.real_time(), "a robot that says nothing is taken for real");
     match robot.step(&[99.0], &mut [0.0; 2]) {
         Err(RobotError::Fault(text)) => assert_eq!(text, format!("plugin robot `mock`: {}", "a".repeat(1023))),
         other => panic!("{other:?}"),

@@ -35,6 +35,7 @@ fn the_example_robot_settles_on_its_references() {
     let registry = registry(&rust_example());
     let mut robot = Live::new(robot(&registry, "type = \"second-order-base\"\nbandwidth = 12").unwrap());
     assert_eq!((robot.inputs(), robot.outputs()), ([V_REF, OMEGA_REF].as_slice(), [V, OMEGA].as_slice()));
+    assert!(!robot.real_time(), "a simulation says across the boundary that it is one");
     let mut measured = [f64::NAN; 2];
     assert_eq!(robot.measure(&mut measured), Ok(0.0));
     let mut time = 0.0;

@@ -77,6 +77,10 @@ impl Robot for Base {
         self.settings.period
     }
 
+    fn real_time(&self) -> bool {
+        false
+    }
+
     fn measure(&mut self, measured: &mut [f64]) -> Result<f64, RobotError> {
         for (value, one) in measured.iter_mut().zip(&self.loops) {
             *value = one.value;
