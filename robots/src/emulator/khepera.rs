@@ -90,6 +90,9 @@ impl KheperaEmulator {
 
     /// The answer to a line, without its ending; `None` for silence.
     fn answer(&mut self, line: &str) -> Result<Option<String>, RobotError> {
+        if line.is_empty() {
+            return Ok(None);
+        }
         self.commands += 1;
         if self.server.silent_after.is_some_and(|after| self.commands == after + 1) {
             return Ok(None);
@@ -111,7 +114,9 @@ impl KheperaEmulator {
             Some('E') => pair("e", self.measured_speeds().map(i64::from)),
             Some('R') => pair("r", self.positions()),
             Some('I') => self.set_counters(&arguments),
-            Some(letter @ ('H' | 'J' | 'K' | 'M' | 'Z' | 'C' | 'A')) => letter.to_ascii_lowercase().to_string(),
+            Some(letter @ ('H' | 'J' | 'M' | 'Z' | 'A')) => letter.to_ascii_lowercase().to_string(),
+            // The Khepera IV has no configuration array, and its lights take nine values.
+            Some(letter @ ('C' | 'K')) if self.dialect.prefixes => letter.to_ascii_lowercase().to_string(),
             Some('N') => format!("n{},0", ",0".repeat(11)),
             Some('O') => format!("o{},0", ",0".repeat(11)),
             Some('V') => {

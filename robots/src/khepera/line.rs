@@ -44,7 +44,7 @@ impl Line {
                 }
             }
         }
-        Err(RobotError::Timeout { limit_s: f64::from(TRIES) * self.timeout.as_secs_f64(), what: format!("the answer to `{command}`") })
+        Err(RobotError::Timeout { limit_s: (TRIES * self.timeout).as_secs_f64(), what: format!("the answer to `{command}`") })
     }
 
     /// Tells without insisting on an answer, for a robot that must stand whatever the line is like.

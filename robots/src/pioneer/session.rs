@@ -68,7 +68,7 @@ impl Session {
             }
         }
         let what = "the answer to SYNC0, SYNC1, SYNC2; is it a Pioneer, and is the speed of the line right?".to_owned();
-        Err(RobotError::Timeout { limit_s: f64::from(TRIES) * ANSWER.as_secs_f64(), what })
+        Err(RobotError::Timeout { limit_s: (TRIES * ANSWER).as_secs_f64(), what })
     }
 
     fn answer_to_sync(&mut self, stage: u8) -> Result<Answer, RobotError> {

@@ -98,6 +98,22 @@ fn what_is_sent_before_the_answer_is_lost() {
     assert_eq!(ask(&mut emulator, "Y,l20000\n"), "$\r\n", "time cannot be asked for on a real clock");
 }
 
+/// Bytes of `kh3server` and `kh4server`, asked one after the other.
+#[test]
+fn answers_are_those_of_k_teams_servers() {
+    let asked = |generation, dialogue: &[(&str, &str)]| {
+        let mut emulator = emulator(generation);
+        for (sent, answer) in dialogue {
+            assert_eq!(ask(&mut emulator, sent), *answer, "{generation:?}: {sent:?}");
+        }
+    };
+    let both = [("\n", ""), ("\r\n", ""), ("Q\n", "$\r\n"), ("M\n", "m\r\n"), ("H,d0,d620,d10,d3\n", "h\r\n"), ("Z\n", "z\r\n")];
+    asked(Generation::Three, &both);
+    asked(Generation::Four, &both);
+    asked(Generation::Three, &[("B\n", "b,3,0\r\n"), ("K,0,1\n", "k\r\n"), ("C,0,d3\n", "c\r\n"), ("E\nR\n", "e,0,0\r\n")]);
+    asked(Generation::Four, &[("B\r\n", "b,A,1\r\n"), ("C,0,d3\n", "$\r\n"), ("D,-100,100\n", "d\r\n"), ("D,0,0\n", "d\r\n")]);
+}
+
 #[test]
 fn every_generation_has_its_own_words_and_units() {
     for (generation, version, sent, speed) in [
