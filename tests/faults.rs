@@ -406,5 +406,11 @@ fn a_driver_that_hangs_wakes_the_watchdog() {
 }
 
 #[cfg(unix)]
+#[path = "faults/link.rs"]
+mod link;
+#[cfg(unix)]
 #[path = "faults/signals.rs"]
 mod signals;
+#[cfg(target_os = "linux")]
+#[path = "faults/terminal.rs"]
+mod terminal;

@@ -9,9 +9,9 @@ use wheelwright_core::recording::ReadOptions;
 
 const PERIOD: f64 = 0.05;
 /// Long after which a program that should have ended has not.
-const PATIENCE: Duration = Duration::from_secs(60);
+pub(super) const PATIENCE: Duration = Duration::from_secs(60);
 
-const CONFIG: &str = r#"
+pub(super) const CONFIG: &str = r#"
 [robot]
 type = "simulator"
 robot = "pioneer-3dx"
@@ -52,17 +52,17 @@ countdown = 0.0
 "#;
 
 /// The program's ways to drive a robot, with the folder below `out` in which each leaves its first recording.
-const RECORD: Way = ("record", "");
+pub(super) const RECORD: Way = ("record", "");
 const TRACK: Way = ("track", "");
 const MIGRATE: Way = ("migrate", "migrated");
 
-type Way = (&'static str, &'static str);
+pub(super) type Way = (&'static str, &'static str);
 
 /// The program at work, with its folder and that of its recording.
-struct Driving {
+pub(super) struct Driving {
     child: Child,
     folder: tempfile::TempDir,
-    out: PathBuf,
+    pub(super) out: PathBuf,
 }
 
 impl Driving {
@@ -71,7 +71,7 @@ impl Driving {
         Self::start_with(CONFIG, way, before, more)
     }
 
-    fn start_with(config: &str, (verb, below): Way, before: &str, more: &str) -> Self {
+    pub(super) fn start_with(config: &str, (verb, below): Way, before: &str, more: &str) -> Self {
         let folder = tempfile::tempdir().unwrap();
         std::fs::write(folder.path().join("c.toml"), config).unwrap();
         let program = env!("CARGO_BIN_EXE_wheelwright");
@@ -92,20 +92,23 @@ impl Driving {
         std::fs::read(self.csv()).map_or(0, |bytes| bytes.iter().filter(|b| **b == b'\n').count().saturating_sub(1))
     }
 
-    fn wait_for_rows(&self, rows: usize) {
+    pub(super) fn wait_for_rows(&mut self, rows: usize) {
         let begun = Instant::now();
         while self.rows() < rows {
-            assert!(begun.elapsed() < PATIENCE, "no rows come");
+            if self.child.try_wait().unwrap().is_some() {
+                panic!("the program ended before {rows} rows: {}", self.wait().1);
+            }
+            assert!(begun.elapsed() < PATIENCE, "{} of {rows} rows came", self.rows());
             std::thread::sleep(Duration::from_millis(5));
         }
     }
 
-    fn send(&self, signal: &str) {
+    pub(super) fn send(&self, signal: &str) {
         let sent = Command::new("kill").arg(format!("-{signal}")).arg(self.child.id().to_string()).status().unwrap();
         assert!(sent.success());
     }
 
-    fn wait(&mut self) -> (ExitStatus, String) {
+    pub(super) fn wait(&mut self) -> (ExitStatus, String) {
         let begun = Instant::now();
         let status = loop {
             if let Some(status) = self.child.try_wait().unwrap() {
@@ -124,7 +127,7 @@ impl Driving {
 }
 
 /// Both files read back; their rows.
-fn readable(folder: &Path) -> usize {
+pub(super) fn readable(folder: &Path) -> usize {
     let open = |name: &str| wheelwright::recordings::open(&folder.join(name), &ReadOptions::default()).unwrap();
     let (csv, mcap) = (open("recording.csv"), open("recording.mcap"));
     assert!(csv.rows().abs_diff(mcap.rows()) <= 1, "{} and {}", csv.rows(), mcap.rows());
