@@ -59,7 +59,12 @@ fn fits(validation: &Validation) -> String {
 }
 
 fn percent(fit: Option<f64>) -> String {
-    fit.map_or_else(|| format!("{:>12}", "—"), |f| format!("{f:>10.2} %"))
+    match fit {
+        None => format!("{:>12}", "—"),
+        Some(f) if f.is_finite() => format!("{f:>10.2} %"),
+        // The run left the range of numbers.
+        Some(_) => format!("{:>12}", "diverges"),
+    }
 }
 
 /// A verdict as the documents spell it.
@@ -140,5 +145,17 @@ fn proof(text: &mut String, found: &Diagnosis) {
     }
     if let Some(narx) = &found.fit.narx {
         let _ = writeln!(text, "  {:<28}{}", "NARX", row(narx));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::percent;
+
+    #[test]
+    fn a_run_that_left_the_range_of_numbers_has_no_percentage() {
+        assert_eq!(percent(Some(f64::NAN)).trim(), "diverges");
+        assert_eq!(percent(Some(98.765)).trim(), "98.77 %");
+        assert_eq!(percent(None).trim(), "—");
     }
 }
