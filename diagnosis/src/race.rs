@@ -18,8 +18,6 @@ const RACE: [(usize, usize); 2] = [(3, 8), (5, 6)];
 const CONTESTANTS: usize = 8;
 /// The rounds of that race.
 const CONTEST: [(usize, usize); 2] = [(3, 5), (5, 3)];
-/// Least share of the leader's gain after the rounds: of the 95 none had reached less than 0.47.
-const IN_REACH: f64 = 0.3;
 /// Starts of an effect that are tried beside the parameters of the regression.
 const UNBENT: usize = 6;
 /// Variants of one effect that may go on together.
@@ -68,17 +66,15 @@ struct Racing<'s, 'a> {
     name: &'a str,
     runner: Runner<'s, 'a>,
     fit: Fit,
-    /// Twice the log-likelihood.
-    reached: f64,
-    /// The same less what the effect's parameters cost.
+    /// Twice the log-likelihood less what the effect's parameters cost.
     value: f64,
 }
 
 impl<'s, 'a> Racing<'s, 'a> {
     fn new(search: &'s Search<'a>, effect: usize, runner: Runner<'s, 'a>, fit: Fit) -> Self {
         let cost = search.effect(effect).parameters(search.setting.scene).len() as f64 * search.log_values();
-        let reached = fit.likelihood(&search.setting);
-        Self { effect, name: search.effect(effect).name(), runner, fit, reached, value: reached - cost }
+        let value = fit.likelihood(&search.setting) - cost;
+        Self { effect, name: search.effect(effect).name(), runner, fit, value }
     }
 
     /// The same some steps further.
@@ -139,8 +135,6 @@ impl<'a> Search<'a> {
             racing.sort_by(|a, b| b.value.total_cmp(&a.value));
             racing = thinned(racing, places);
         }
-        let most = racing.iter().map(|r| r.reached - before).fold(0.0, f64::max);
-        racing.retain(|r| r.reached - before >= IN_REACH * most);
         let mut refined: Vec<Refined> = Vec::new();
         for Racing { effect, fit: coarse, .. } in racing {
             let indices: Vec<usize> = state.effects.iter().copied().chain([effect]).collect();

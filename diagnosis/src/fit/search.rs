@@ -21,6 +21,8 @@ const OUT_OF_REACH: f64 = 40.0;
 const TOO_FAST: f64 = 20.0;
 /// By how much twice the log-likelihood may fall where starts are moved: more, and they are not as linear as the move takes them to be.
 const STRAIGHT: f64 = 1.0;
+/// Damping of the first step.
+const FIRST_DAMPING: f64 = 1e-3;
 /// Least damping.
 const LEAST_DAMPING: f64 = 1e-12;
 
@@ -49,6 +51,8 @@ pub(crate) struct Fit {
     pub(crate) squares: Vec<f64>,
     /// Sum of squared distances of effects' parameters from what they usually are, in units of their spread.
     unusual: f64,
+    /// Damping of the next step: a search that goes on knows how far steps could be trusted.
+    damping: f64,
 }
 
 impl Fit {
@@ -106,7 +110,15 @@ pub(crate) fn evaluate(setting: &Setting<'_>, runner: &mut Runner<'_, '_>, white
     whitening.settle(&mut residual, &point.starts);
     let squares = squares(setting, whitening, &residual);
     let unusual = usual(setting, runner).map(|(j, value, spread)| ((point.x[j] - value) / spread).powi(2)).sum();
-    squares.iter().all(|s| s.is_finite()).then_some(Fit { point, simulated, residual, columns: Vec::new(), squares, unusual })
+    squares.iter().all(|s| s.is_finite()).then_some(Fit {
+        point,
+        simulated,
+        residual,
+        columns: Vec::new(),
+        squares,
+        unusual,
+        damping: FIRST_DAMPING,
+    })
 }
 
 /// What a free run leaves of the measurement, flat.
@@ -161,7 +173,7 @@ pub(crate) fn maximise(
     if fresh {
         linearise(runner, whitening, &mut fit, 0..unknowns);
     }
-    let mut damping = 1e-3;
+    let mut damping = fit.damping.max(FIRST_DAMPING);
     let mut trials = 0;
     while trials < effort.trials {
         let Some((step, promised)) = step(setting, &fit, &limits, damping, &usual) else { break };
@@ -200,12 +212,13 @@ pub(crate) fn maximise(
                 linearise(runner, whitening, &mut fit, 0..unknowns);
                 fresh = true;
             }
-            _ => damping = (damping * 8.0).max(1e-3),
+            _ => damping = (damping * 8.0).max(FIRST_DAMPING),
         }
         if damping > 1e6 {
             break;
         }
     }
+    fit.damping = damping;
     if exact && !fresh {
         linearise(runner, whitening, &mut fit, 0..unknowns);
     }
