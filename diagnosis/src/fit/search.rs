@@ -19,8 +19,11 @@ const OUT_OF_REACH: f64 = 40.0;
 /// Rate per sampling interval beyond which no trial goes: within one interval a step comes nearer to its end than the numerical error, and all
 /// that is faster looks the same, but for the time that it takes to simulate.
 const TOO_FAST: f64 = 20.0;
-/// By how much twice the log-likelihood may fall where starts are moved: more, and they are not as linear as the move takes them to be.
+/// By how much twice the log-likelihood may fall where starts are moved: more, and they are not as linear as the move takes them to be, and
+/// the other unknowns have to follow.
 const STRAIGHT: f64 = 1.0;
+/// How far they follow.
+const ADJUSTING: Effort = Effort { trials: 6, worthwhile: 0.1, target: f64::NEG_INFINITY };
 /// Damping of the first step.
 const FIRST_DAMPING: f64 = 1e-3;
 /// Least damping.
@@ -131,10 +134,13 @@ fn left(setting: &Setting<'_>, simulated: &[f64]) -> Vec<f64> {
 pub(crate) fn settled(setting: &Setting<'_>, runner: &mut Runner<'_, '_>, whitening: &Whitening, fit: Fit) -> Fit {
     let starts = whitening.likeliest(left(setting, &fit.simulated), &fit.point.starts);
     let point = Point { x: fit.point.x.clone(), starts };
-    match evaluate(setting, runner, whitening, &point) {
-        Some(moved) if moved.likelihood(setting) > fit.likelihood(setting) - STRAIGHT => Fit { columns: fit.columns, ..moved },
-        _ => fit,
+    let Some(moved) = evaluate(setting, runner, whitening, &point) else { return fit };
+    let mut moved = Fit { columns: fit.columns.clone(), ..moved };
+    let least = fit.likelihood(setting) - STRAIGHT;
+    if moved.likelihood(setting) < least {
+        moved = maximise(setting, runner, whitening, moved, ADJUSTING, true);
     }
+    if moved.likelihood(setting) < least { fit } else { moved }
 }
 
 /// Unknowns that have a usual value, with it and its spread.
