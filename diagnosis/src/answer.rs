@@ -18,7 +18,7 @@ use crate::noise::Noise;
 use crate::question::{DiagnosisError, Question};
 use crate::residuals::{Flag, Residuals, Series};
 use crate::screen::Response;
-use crate::select::{Rival, Search, Selected, State, TOLD};
+use crate::select::{Rival, SHARE, Search, Selected, State, TOLD};
 use crate::untestable;
 
 /// Two-sided 95 % point of the normal distribution.
@@ -320,7 +320,7 @@ fn findings(search: &Search<'_>, selected: &Selected, proof: &Proven) -> (Vec<Fi
             settings: settings(effect),
             delta_bic,
             holdout_gain: proof.gains[member],
-            alternatives: alternatives(search, effect, rivals),
+            alternatives: alternatives(search, effect, delta_bic, rivals),
         });
         let told = |r: &&Rival| {
             all.last().is_some_and(|f: &Finding| f.alternatives.iter().any(|a| a.name == search.effect(r.effect).name() && !a.always))
@@ -342,11 +342,16 @@ pub(crate) fn always(a: &dyn Effect, b: &dyn Effect) -> Option<&'static Confusio
     confusion(a, b).filter(|c| c.because.starts_with(ALWAYS))
 }
 
-/// Rivals near enough to be mentioned, each name once.
-fn alternatives(search: &Search<'_>, found: &dyn Effect, rivals: &[Rival]) -> Vec<Alternative> {
+/// Rivals near enough to be mentioned, each name once. What is the same under every drive differs by what nobody recorded before the first
+/// sample: it is mentioned unless that is more than the imperfect form of an effect is.
+fn alternatives(search: &Search<'_>, found: &dyn Effect, worth: f64, rivals: &[Rival]) -> Vec<Alternative> {
     let mut all: Vec<Alternative> = Vec::new();
-    for rival in rivals.iter().filter(|r| r.gap < MENTIONED) {
+    for rival in rivals {
         let effect = search.effect(rival.effect);
+        let reach = if always(found, effect).is_some() { f64::max(MENTIONED, SHARE * worth) } else { MENTIONED };
+        if rival.gap >= reach {
+            continue;
+        }
         if effect.name() == found.name() || all.iter().any(|a| a.name == effect.name()) {
             continue;
         }

@@ -14,6 +14,9 @@ const LEFT_OVER: f64 = 0.08;
 const FOREIGN: &str = "the held-out recording shows motion that the model misses and the training recording does not show; diagnose that \
                        recording, or one driven as it was";
 
+/// What is said where an explanation fails on held-out data.
+const UNTRANSFERRED: &str = "what explains the training data does not bring the held-out error down: it fits here and does not transfer";
+
 /// Effects by which the wheels' rates tell another motion than the robot's.
 const SLIDES: [&str; 2] = ["turning_scrub", "wheel_slip"];
 
@@ -44,32 +47,30 @@ pub(crate) fn decide(weighed: Weighed<'_>) -> Decided {
     let Weighed { mut findings, track, flags, transfer, foreign, mut warnings, effects, scene } = weighed;
     // What acts on the noise alone shows in the tests and not in the likelihood.
     let left: Vec<&Flag> = flags.iter().filter(|f| f.left_over.is_some_and(|share| share > LEFT_OVER)).collect();
+    // What acts on the noise alone moves nothing that could transfer.
+    let elsewhere = if findings.is_empty() { foreign } else { transfer == Transfer::Fails };
+    let moved = !findings.is_empty();
     for flag in flags.iter().filter(|f| f.left_over.is_none()) {
         let Some((name, values)) = &flag.effect else { continue };
         if !findings.iter().any(|f| f.name == *name) {
             findings.extend(of_noise(name, values, flag, effects, scene));
         }
     }
-    let moved = !findings.is_empty();
     // Wheels that slide make a track look wider.
     findings.extend(track.filter(|_| !findings.iter().any(|f| SLIDES.contains(&f.name.as_str()))));
     warnings.extend(left.iter().map(|f| f.statement.clone()));
     let nothing = findings.is_empty();
     let rivals = findings.iter().any(|f| f.alternatives.iter().any(|a| a.gap < AMBIGUOUS && !a.always));
-    if transfer == Transfer::Fails && moved {
-        warnings
-            .push("what explains the training data does not bring the held-out error down: it fits here and does not transfer".to_owned());
-    }
-    if foreign && nothing {
-        warnings.push(FOREIGN.to_owned());
+    if elsewhere {
+        warnings.push(if moved { UNTRANSFERRED } else { FOREIGN }.to_owned());
     }
     let verdict = match (nothing, left.is_empty()) {
-        (true, true) if foreign => Verdict::Unexplained,
+        (true, true) if elsewhere => Verdict::Unexplained,
         (true, true) => Verdict::NoMismatch,
         (_, false) => Verdict::Unexplained,
         // A rival that these data cannot exclude may be what would transfer, with parameters that they do not show.
         (false, true) if rivals => Verdict::Ambiguous,
-        (false, true) if transfer == Transfer::Fails && moved => Verdict::Unexplained,
+        (false, true) if elsewhere => Verdict::Unexplained,
         (false, true) => Verdict::Explained,
     };
     let headline = headline(verdict, &findings, &left);

@@ -63,7 +63,7 @@ pub fn diagnose(question: &Question<'_>) -> Result<Diagnosis, DiagnosisError> {
     let Beside { radii, track } = Beside::of(question, &scene);
     let story = selected(setting, question, radii.as_ref())?;
     let mut story = other_readout(story, question, &data, &scene, radii.as_ref())?;
-    story.selected = judged(question, &story.search, story.selected);
+    story.selected = judged(question, &story.search, story.selected, &story.responses);
     tell(question, story, track, warnings)
 }
 
@@ -119,9 +119,9 @@ fn late(effect: &dyn Effect) -> bool {
 fn evidence(search: &Search<'_>, state: &State, whitening: &Whitening, base: &Fit) -> f64 {
     let rows = search.setting.layout.counted() as f64;
     let scale: f64 = whitening.noise.innovation.iter().map(|s| 2.0 * rows * s.ln()).sum();
-    let effects = state.effects.len();
-    let freedom = state.fit.rank(&search.setting).saturating_sub(base.rank(&search.setting)).max(effects);
-    let cost = freedom as f64 * search.log_values() + effects as f64 * (search.penalty(1) - search.log_values());
+    let effects = state.effects.len() as f64;
+    let freedom = (search.freedom(&state.effects, &state.fit) - search.freedom(&[], base)).max(effects);
+    let cost = freedom * search.log_values() + effects * (search.penalty(1.0) - search.log_values());
     state.fit.likelihood(&search.setting) - scale - cost
 }
 

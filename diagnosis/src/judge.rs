@@ -3,20 +3,37 @@
 //! Where no wheel reverses, friction, an offset and a dead zone are one; another kind of driving tells them apart without any parameter
 //! being fitted to it. Only rivals that the evidence leaves within reach are judged, and only a decisive difference counts: parameters that
 //! the training data hardly show make errors of their own on other data.
+//!
+//! An effect beside others goes if they do decisively better on the held-out data without it, whatever its evidence on the training data: it
+//! stood in for the imperfect form of the others there.
 
 use wheelwright_core::Dataset;
 
 use crate::answer::{MENTIONED, always, explanation};
 use crate::holdout::{Ground, loss, shifted};
 use crate::question::Question;
+use crate::screen::Response;
 use crate::select::{Search, Selected, State};
 
 /// Share of a rival's held-out excess that a better explanation may leave: the same half by which an explanation has to close it.
 const CLOSED: f64 = 0.5;
 
-/// The selection with each member exchanged for the rival that the held-out data prefer decisively, and without the rivals they rule out.
-pub(crate) fn judged(question: &Question<'_>, search: &Search<'_>, mut selected: Selected) -> Selected {
+/// The selection as the held-out data leave it: without members that they reject, with each of the others exchanged for the rival that they
+/// prefer decisively, and without the rivals that they rule out.
+pub(crate) fn judged(question: &Question<'_>, search: &Search<'_>, mut selected: Selected, first: &[Response]) -> Selected {
     let Some(bench) = Bench::new(question, search, &selected) else { return selected };
+    while let Some(fewer) = bench.fewer(search, &selected) {
+        selected = fewer;
+        search.exchange(&mut selected, first);
+    }
+    exchanged(&bench, search, selected)
+}
+
+/// Each member exchanged for the rival that the held-out data prefer decisively.
+fn exchanged(bench: &Bench<'_>, search: &Search<'_>, mut selected: Selected) -> Selected {
+    if !selected.rivals.iter().flatten().any(|r| r.gap < MENTIONED) {
+        return selected;
+    }
     let mut own = bench.loss(search, &selected.state);
     let mut member = 0;
     let mut turns = selected.state.effects.len();
@@ -25,8 +42,8 @@ pub(crate) fn judged(question: &Question<'_>, search: &Search<'_>, mut selected:
         let rivals = std::mem::take(&mut selected.rivals[member]);
         let found = search.effect(selected.state.effects[member]);
         // The same mathematics under every drive differs by what nobody recorded before the first sample.
-        let (same, rivals): (Vec<_>, Vec<_>) =
-            rivals.into_iter().filter(|r| r.gap < MENTIONED).partition(|r| always(found, search.effect(r.effect)).is_some());
+        let (same, mut rivals): (Vec<_>, Vec<_>) = rivals.into_iter().partition(|r| always(found, search.effect(r.effect)).is_some());
+        rivals.retain(|r| r.gap < MENTIONED);
         let mut near: Vec<(f64, _)> = rivals.into_iter().map(|r| (bench.loss(search, &r.state), r)).collect();
         let least = near.iter().map(|(loss, _)| *loss).fold(f64::INFINITY, f64::min);
         // Among those that the held-out data hold for equal the library's order decides, as it does on the training data.
@@ -68,9 +85,6 @@ impl<'q> Bench<'q> {
     fn new(question: &'q Question<'q>, search: &Search<'_>, selected: &Selected) -> Option<Self> {
         let held = question.held_out.filter(|h| !h.stretches.is_empty())?;
         let noise = &selected.whitening.noise;
-        if !selected.rivals.iter().flatten().any(|r| r.gap < MENTIONED) {
-            return None;
-        }
         let share = noise.innovation.iter().zip(&noise.deviation).map(|(i, d)| (i / d).powi(2)).sum::<f64>();
         let training = loss(search.setting.data, &search.setting.layout.series(&selected.state.fit.simulated), &noise.deviation);
         Some(Self { question, held, noise: noise.deviation.clone(), training, values: share * held.samples() as f64 })
@@ -87,6 +101,22 @@ impl<'q> Bench<'q> {
             loss(&moved, &ground.prove(&explanation(search, state)).simulated, &self.noise)
         };
         clocks.iter().map(on).fold(f64::INFINITY, f64::min)
+    }
+
+    /// The selection without the member that the held-out data reject most, if they reject any. One that stands alone has no others to stand
+    /// in for: that it does not transfer is the verdict's business.
+    fn fewer(&self, search: &Search<'_>, selected: &Selected) -> Option<Selected> {
+        let members = search.fixed(selected)..selected.state.effects.len();
+        if selected.state.effects.len() < 2 {
+            return None;
+        }
+        let own = self.loss(search, &selected.state);
+        let rests = members.filter_map(|member| search.without(selected, member)).map(|rest| (self.loss(search, &rest), rest));
+        let (less, rest) = rests.reduce(|a, b| if b.0 < a.0 { b } else { a })?;
+        if !self.decisive(less, own) {
+            return None;
+        }
+        search.only(selected, &rest)
     }
 
     /// Whether a loss is so much less than another that it is no chance and no error of parameters.

@@ -116,7 +116,7 @@ impl<'a> Search<'a> {
         field: &Field<'_>,
     ) -> Vec<Refined> {
         let projection = self.projection(state, whitening);
-        let rank = state.fit.rank(&self.setting);
+        let freedom = self.freedom(&state.effects, &state.fit);
         let before = state.fit.likelihood(&self.setting);
         let closes = |c: &Vec<Candidate>| self.effect(c[0].effect).stage() == Stage::Loop;
         let mut names: Vec<&str> = Vec::new();
@@ -146,8 +146,8 @@ impl<'a> Search<'a> {
             let fit = maximise(&self.setting, &mut runner, whitening, fit, effort, false);
             let fit = self.detour(effect, &mut runner, whitening, fit, effort);
             let gain = fit.likelihood(&self.setting) - before;
-            let freedom = fit.rank(&self.setting).saturating_sub(rank).max(1);
-            refined.push(Refined { effect, fit, score: gain - self.penalty(freedom) });
+            let added = self.freedom(&indices, &fit) - freedom;
+            refined.push(Refined { effect, fit, score: gain - self.penalty(added) });
         }
         refined.sort_by(|a, b| b.score.total_cmp(&a.score));
         // Among equals the library's order decides: the more common cause stands first.

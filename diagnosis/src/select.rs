@@ -1,7 +1,9 @@
 //! Selection: effects are added one after the other while the evidence asks for it, and exchanged where another does better.
 //!
 //! The score of an addition is the extended Bayesian information criterion (Chen and Chen, Biometrika 95, 2008):
-//! gain − df ln N − 2 ln(size of the library), the gain twice a log-likelihood under noise that is whitened, df by numerical rank.
+//! gain − df ln N − 2 ln(size of the library), the gain twice a log-likelihood under noise that is whitened, df by numerical rank. A
+//! parameter that has a usual value counts for as much of one as the data tell more of it than that: its part of the evidence is
+//! ln(1 + (spread/standard error)²), by Laplace's approximation.
 
 use wheelwright_core::effect::{Effect, EffectParameter, Stage};
 
@@ -24,7 +26,7 @@ const MOST_PARTS: usize = 2 * MOST;
 /// Effects, and starts of each, that are simulated again beside the effects of a model.
 const RESIMULATED: (usize, usize) = (12, 3);
 /// Share of what the first effects explain that a further one must add: less is the imperfect form of the first.
-const SHARE: f64 = 0.02;
+pub(crate) const SHARE: f64 = 0.02;
 /// Noise whose past tells a third of its variance could as well be motion.
 const COLOURED: f64 = 1.2;
 /// What an exchange must gain, so that it is no toss of a coin.
@@ -95,8 +97,21 @@ impl<'a> Search<'a> {
     }
 
     /// Penalty of an addition with so many degrees of freedom.
-    pub(crate) fn penalty(&self, freedom: usize) -> f64 {
-        freedom.max(1) as f64 * self.log_values() + 2.0 * (self.open.len().max(1) as f64).ln()
+    pub(crate) fn penalty(&self, freedom: f64) -> f64 {
+        freedom.max(1.0) * self.log_values() + 2.0 * (self.open.len().max(1) as f64).ln()
+    }
+
+    /// Degrees of freedom of a model.
+    pub(crate) fn freedom(&self, effects: &[usize], fit: &Fit) -> f64 {
+        let directions = Directions::of(&fit.information(&self.setting));
+        let (covariance, told) = (directions.inverse(), directions.visibility());
+        let first = self.setting.free();
+        let known = self.parameters(effects).into_iter().enumerate().filter_map(|(k, p)| p.usual.map(|(_, spread)| (first + k, spread)));
+        let spare = |(j, spread): (usize, f64)| {
+            let own = (spread * spread / covariance[(j, j)]).ln_1p() / self.log_values();
+            if told[j] > TOLD { (1.0 - own).max(0.0) } else { 0.0 }
+        };
+        directions.rank() as f64 - known.map(spare).sum::<f64>()
     }
 
     pub(crate) fn effect(&self, index: usize) -> &'a dyn Effect {
@@ -281,7 +296,7 @@ impl<'a> Search<'a> {
     }
 
     fn ranking(&self, screened: &[Vec<Candidate>], refined: &[Refined]) -> Vec<(usize, f64)> {
-        let screened = screened.iter().map(|c| (c[0].effect, c[0].gain - self.penalty(c[0].freedom)));
+        let screened = screened.iter().map(|c| (c[0].effect, c[0].gain - self.penalty(c[0].freedom as f64)));
         let mut all: Vec<(usize, f64)> = refined.iter().map(|r| (r.effect, r.score)).collect();
         all.extend(screened.filter(|(e, _)| !refined.iter().any(|r| r.effect == *e)).collect::<Vec<_>>());
         all
@@ -298,8 +313,7 @@ impl<'a> Search<'a> {
         let (_, without) = self.under(&selected.state.effects, &selected.state.fit, &noise, COMPARING)?;
         let likelihood = |f: &Fit| f.likelihood(&self.setting);
         let gain = likelihood(&with) - likelihood(&without);
-        let freedom = with.rank(&self.setting).saturating_sub(without.rank(&self.setting));
-        let score = gain - self.penalty(freedom);
+        let score = gain - self.penalty(self.freedom(&effects, &with) - self.freedom(&selected.state.effects, &without));
         let base = if selected.state.effects.is_empty() { without.clone() } else { self.under(&[], &selected.base, &noise, COMPARING)?.1 };
         let explained = likelihood(&with) - likelihood(&base) - gain;
         let matters = score >= SHARE * explained || self.sizeable(&base, &without, &with, &noise);
@@ -340,7 +354,7 @@ impl<'a> Search<'a> {
     }
 
     /// Drops each member in turn and takes the best replacement if it gains; keeps the others as rivals.
-    fn exchange(&self, selected: &mut Selected, first: &[Response]) {
+    pub(crate) fn exchange(&self, selected: &mut Selected, first: &[Response]) {
         let fixed = self.fixed(selected);
         let mut member = fixed;
         let mut exchanged = 0;
@@ -377,6 +391,11 @@ impl<'a> Search<'a> {
         if present > 0.0 && (present >= SHARE * explained || size()) {
             return None;
         }
+        self.only(selected, rest)
+    }
+
+    /// The selection with fewer members, fitted to the end under the same noise.
+    pub(crate) fn only(&self, selected: &Selected, rest: &State) -> Option<Selected> {
         let (whitening, fit) = self.under(&rest.effects, &rest.fit, &selected.whitening.noise, FINAL)?;
         let state = State { effects: rest.effects.clone(), fit };
         Some(Selected { state, whitening, base: selected.base.clone(), rivals: Vec::new(), ranking: selected.ranking.clone() })
@@ -476,7 +495,8 @@ impl<'a> Search<'a> {
 
     /// Penalised gain of a member on top of the others.
     pub(crate) fn worth(&self, selected: &Selected, rest: &State) -> f64 {
-        let freedom = selected.state.fit.rank(&self.setting).saturating_sub(rest.fit.rank(&self.setting));
+        let of = |state: &State| self.freedom(&state.effects, &state.fit);
+        let freedom = of(&selected.state) - of(rest);
         selected.state.fit.likelihood(&self.setting) - rest.fit.likelihood(&self.setting) - self.penalty(freedom)
     }
 }

@@ -38,7 +38,7 @@ pub(crate) fn list(search: &Search<'_>, screened: &[Vec<Candidate>], responses: 
 
 /// The smallest multiple of a start's size that would gain more than its penalty; for a start that counts as it is, one or none.
 fn smallest(search: &Search<'_>, candidate: &Candidate, response: &Response) -> Option<f64> {
-    let needed = search.penalty(response.start.columns.len());
+    let needed = search.penalty(response.start.columns.len() as f64);
     if candidate.information.is_nan() || candidate.information <= 0.0 {
         return None;
     }

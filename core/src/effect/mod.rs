@@ -165,7 +165,7 @@ pub struct Motion<'a> {
 
 /// Physics that a model leaves out. Plain data with its settings, picked by `type = "NAME"`, as a solver is.
 ///
-/// An effect implements the hooks of its [`stage`](Self::stage) and no other. `p` are the values of its parameters in the
+/// An effect implements the hooks of its [`stage`](Self::stage) and no other, unless it [`senses`](Self::senses) too. `p` are the values of its parameters in the
 /// order of [`parameters`](Self::parameters), `state` its own numbers, which start at
 /// [`begin`](Self::begin). A hook allocates nothing and returns finite numbers for finite arguments within bounds.
 #[typetag::serde]
@@ -260,7 +260,14 @@ pub trait Effect: Debug + Send + Sync {
     /// drive of its middle.
     fn advance(&self, _p: &[f64], _at: &Instant<'_>, _outputs: &[f64], _drive: &[f64], _state: &mut [f64]) {}
 
-    /// Sensor effects: changes the outputs that are recorded at a sample, once a sample in their order, the first included.
+    /// Loads and drive effects: whether they change what is recorded as well, by the hook of the sensors. Encoders at the motor
+    /// count what happens before the wheel.
+    fn senses(&self) -> bool {
+        false
+    }
+
+    /// Sensor effects, and others that [sense](Self::senses): changes the outputs that are recorded at a sample, once a sample in their
+    /// order, the first included.
     /// `past(t, out)` writes the true outputs at an earlier time of the stretch; before it, its first.
     fn measure(&self, _p: &[f64], _at: &Instant<'_>, _past: &dyn Fn(f64, &mut [f64]), _state: &mut [f64], _outputs: &mut [f64]) {}
 }

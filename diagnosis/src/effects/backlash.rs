@@ -5,23 +5,34 @@
 //! tenth of the gap, in proportion, so that the moment of contact is no jump:
 //!
 //! τ = min(1, max(0, (2 z sgn a/g − 0.8)/0.2)),   z' = a (1 − τ),   the drive becomes τ a.
+//!
+//! Encoders mostly sit at the motors. Then the recorded speed is the wheel's and z' on top: the motor runs ahead while it crosses the gap.
 
 use serde::{Deserialize, Serialize};
 use wheelwright_core::Effect;
 use wheelwright_core::effect::{Confusion, EffectParameter, Estimate, Frame, Instant, Motion, Scene, Stage, Start};
+use wheelwright_core::simulation::Readout;
 
 use super::force;
 use super::words::{quantity, scaled};
 
 /// Backlash at both wheels.
 #[derive(Debug, Clone, Default, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Backlash {}
+#[serde(deny_unknown_fields, default)]
+pub struct Backlash {
+    /// Whether the recorded speeds are those of the motors, not of wheels or body. Default `false`.
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    pub at_motor: bool,
+}
 
 /// Share of half the gap over which the teeth take up the drive.
 const TEETH: f64 = 0.2;
 /// Where in the state it says whether the middle of a step has been reached.
 const MIDDLE: usize = 4;
+/// Where in the state the motors' speeds against the wheels stand.
+const AHEAD: usize = 5;
+/// Where in the state the places in the gaps at the last sample stand.
+const SAMPLED: usize = 7;
 /// Gaps that are tried, as shares of half the track: 1 to 16 mm for a robot of 0.34 m.
 const GAPS: [f64; 8] = [0.006, 0.012, 0.02, 0.03, 0.044, 0.06, 0.08, 0.1];
 
@@ -51,7 +62,10 @@ impl Effect for Backlash {
     }
 
     fn about(&self) -> String {
-        "play in the gears of both wheels".to_owned()
+        match self.at_motor {
+            false => "play in the gears of both wheels".to_owned(),
+            true => "play in the gears of both wheels, speeds recorded at the motors".to_owned(),
+        }
     }
 
     fn stage(&self) -> Stage {
@@ -97,9 +111,10 @@ impl Effect for Backlash {
         ]
     }
 
-    /// Place in each wheel's gap, from −1 to 1; the places at the start of a step, and whether its middle has been reached.
+    /// Place in each wheel's gap, from −1 to 1; the places at the start of a step, and whether its middle has been reached; each motor's
+    /// speed against its wheel; the places at the last sample.
     fn states(&self, _scene: &Scene) -> usize {
-        5
+        9
     }
 
     /// The gap is closed in the direction of the first command.
@@ -107,6 +122,7 @@ impl Effect for Backlash {
         state.fill(0.0);
         let commands = at.scene.frame.wheels(inputs);
         state.iter_mut().zip(commands).for_each(|(place, u)| *place = if u == 0.0 { 0.0 } else { u.signum() });
+        state.copy_within(0..2, SAMPLED);
     }
 
     fn drive(&self, p: &[f64], at: &Instant<'_>, _motion: &Motion<'_>, state: &[f64], drive: &mut [f64]) {
@@ -136,8 +152,23 @@ impl Effect for Backlash {
             let (start, way) = (state[from + side], drives[side].signum());
             state[2 + side] = start;
             state[side] = way * across(start * way, 2.0 * rim * drives[side].abs() / p[0], span);
+            state[AHEAD + side] = rim * drives[side] * (1.0 - taken_up(state[side] * way));
         }
         state[MIDDLE] = 1.0 - state[MIDDLE];
+    }
+
+    fn senses(&self) -> bool {
+        self.at_motor
+    }
+
+    fn measure(&self, p: &[f64], at: &Instant<'_>, _past: &dyn Fn(f64, &mut [f64]), state: &mut [f64], outputs: &mut [f64]) {
+        let interval = at.interval();
+        let ahead = [0, 1].map(|side| match at.readout {
+            Readout::IntervalMean if interval > 0.0 => 0.5 * p[0] * (state[side] - state[SAMPLED + side]) / interval,
+            _ => state[AHEAD + side],
+        });
+        state.copy_within(0..2, SAMPLED);
+        outputs.iter_mut().zip(at.scene.frame.from_wheels(ahead)).for_each(|(x, d)| *x += d);
     }
 }
 

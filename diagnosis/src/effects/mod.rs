@@ -186,6 +186,7 @@ fn dynamics() -> Vec<Box<dyn Effect>> {
         Box::new(CastorDrag { kind: CastorKind::Ball }),
         Box::new(Slope {}),
         Box::new(PayloadChange {}),
-        Box::new(Backlash {}),
+        Box::new(Backlash { at_motor: true }),
+        Box::new(Backlash::default()),
     ]
 }

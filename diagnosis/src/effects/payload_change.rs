@@ -19,6 +19,8 @@ pub struct PayloadChange {}
 const TIMES: [f64; 15] = [0.08, 0.14, 0.20, 0.26, 0.32, 0.38, 0.44, 0.50, 0.56, 0.62, 0.68, 0.74, 0.80, 0.86, 0.92];
 /// How far from a fitted time others are looked at, as shares of the recording: out to the next of [`TIMES`], and close.
 const NEARBY: [f64; 9] = [0.001, 0.002, 0.004, 0.008, 0.015, 0.022, 0.03, 0.045, 0.06];
+/// Share of the recording at either end in which no change is told.
+const MARGIN: f64 = 0.02;
 /// Half of the robot may have been load; a robot that carries six times itself is another one.
 const CHANGE: (f64, f64) = (-0.5, 6.0);
 
@@ -43,7 +45,9 @@ impl Effect for PayloadChange {
     fn parameters(&self, scene: &Scene) -> Vec<EffectParameter> {
         let (first, last) = scene.scales.time;
         let change = |name: &str| EffectParameter::new(name, "1", CHANGE, 0.1).neutral(0.0);
-        let mut all = vec![EffectParameter::new("time_s", "s", (first, last), 0.02 * (last - first))];
+        // A change at either end is none: what it changes has to be seen before and after.
+        let margin = MARGIN * (last - first);
+        let mut all = vec![EffectParameter::new("time_s", "s", (first + margin, last - margin), margin)];
         if let Frame::Channels = scene.frame {
             all.extend(scene.outputs.iter().map(|y| change("inertia_change").of("output", &y.name)));
         } else {
@@ -74,8 +78,8 @@ impl Effect for PayloadChange {
     fn detours(&self, values: &[f64], scene: &Scene) -> Vec<Vec<f64>> {
         let (first, last) = scene.scales.time;
         let at = |share: f64| {
-            let time = values[0] + share * (last - first);
-            (first..=last).contains(&time).then(|| [&[time], &values[1..]].concat())
+            let (time, margin) = (values[0] + share * (last - first), MARGIN * (last - first));
+            (first + margin..=last - margin).contains(&time).then(|| [&[time], &values[1..]].concat())
         };
         NEARBY.iter().flat_map(|share| [-share, *share]).filter_map(at).collect()
     }

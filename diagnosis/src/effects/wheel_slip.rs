@@ -3,8 +3,10 @@
 //! `creep`: of the drive a at a wheel a/(1 + λ|s|) arrives, s its ground speed. A tyre's force is proportional to slip over speed, so
 //! that slip's share of the speed, and with it the time the ground speed takes to follow the wheel, grows with speed.
 //!
-//! `grip`: the ground holds no more than an acceleration a_max of the robot's mass; a drive beyond that spins the wheel. The
-//! transition is that of a tyre, a/(1 + |a/a_max|⁴)^¼. a_max/g is the friction coefficient if the driven wheels carry all weight.
+//! `grip`: the ground holds no more than an acceleration a_max of the robot's mass; a drive beyond that spins the wheel. On the way there
+//! the tyre creeps as a brush does (Pacejka, Tyre and Vehicle Dynamics, section 3.2): of its drive a(1 − y³) arrives in units of a_max, y the share of its contact
+//! that still sticks. The wheel's loop sees the wheel, which runs ahead of the ground by 3 λ|s| (1 − y), so that y³ + 3λ|s| y = 1 + 3λ|s| −
+//! |a|/a_max. a_max/g is the friction coefficient if the driven wheels carry all weight.
 
 use serde::{Deserialize, Serialize};
 use wheelwright_core::Effect;
@@ -59,11 +61,12 @@ impl Effect for WheelSlip {
 
     fn parameters(&self, scene: &Scene) -> Vec<EffectParameter> {
         let speed = scene.scales.speed;
+        let creep = || EffectParameter::new("creep", "s/m", (0.0, 100.0 / speed), 0.05 / speed).neutral(0.0);
         match self.law {
-            SlipLaw::Creep => vec![EffectParameter::new("creep", "s/m", (0.0, 100.0 / speed), 0.05 / speed).neutral(0.0)],
+            SlipLaw::Creep => vec![creep()],
             SlipLaw::Grip => {
                 let least = (0.02 * speed).min(GRAVITY);
-                vec![EffectParameter::new("grip", "m/s2", (least, f64::INFINITY), 0.1 * speed).neutral(f64::INFINITY)]
+                vec![EffectParameter::new("grip", "m/s2", (least, f64::INFINITY), 0.1 * speed).neutral(f64::INFINITY), creep()]
             }
         }
     }
@@ -74,7 +77,8 @@ impl Effect for WheelSlip {
             SlipLaw::Creep => vec![Start { values: vec![0.05 / speed], columns: vec![vec![0]], linear: true }],
             SlipLaw::Grip => [8.0, 5.6, 4.0, 2.8, 2.0, 1.4, 1.0, 0.7, 0.5, 0.35]
                 .into_iter()
-                .map(|share| Start { values: vec![(share * speed).min(2.0 * GRAVITY)], columns: vec![vec![0]], linear: false })
+                .map(|share| (share * speed).min(2.0 * GRAVITY))
+                .map(|grip| Start { values: vec![grip, 0.05 / speed], columns: vec![vec![0], vec![1]], linear: false })
                 .collect(),
         }
     }
@@ -124,25 +128,36 @@ impl Effect for WheelSlip {
 
     fn drive(&self, p: &[f64], at: &Instant<'_>, motion: &Motion<'_>, _state: &[f64], drive: &mut [f64]) {
         let frame = &at.scene.frame;
-        let pushes = frame.wheels(drive);
-        let pushes = match self.law {
-            SlipLaw::Creep => {
-                let speeds = frame.wheels(motion.outputs);
-                [0, 1].map(|i| pushes[i] / (1.0 + p[0] * speeds[i].abs()))
-            }
+        let (pushes, speeds) = (frame.wheels(drive), frame.wheels(motion.outputs));
+        let arriving = match self.law {
+            SlipLaw::Creep => [0, 1].map(|i| pushes[i] / (1.0 + p[0] * speeds[i].abs())),
             SlipLaw::Grip => {
                 let i = motion.inertia;
                 // What one unit of forward acceleration takes at each wheel.
                 let needs = if matches!(frame, Frame::Body { .. }) { [i[0]; 2] } else { [i[0] + i[1], i[2] + i[3]] };
-                [0, 1].map(|side| limited(pushes[side], p[0] * needs[side]))
+                [0, 1].map(|side| brushed(pushes[side], p[0] * needs[side], p[1] * speeds[side].abs()))
             }
         };
-        drive.copy_from_slice(&frame.from_wheels(pushes));
+        drive.copy_from_slice(&frame.from_wheels(arriving));
     }
 }
 
-/// A push that goes over smoothly into its limit.
-fn limited(push: f64, limit: f64) -> f64 {
-    let over = (push / limit).abs().min(1e6);
-    push / (1.0 + over.powi(4)).sqrt().sqrt()
+/// What a brush tyre passes on of a push, if it holds no more than a limit and creep takes its share.
+fn brushed(push: f64, limit: f64, creep: f64) -> f64 {
+    if !limit.is_finite() {
+        return push / (1.0 + creep);
+    }
+    let sticking = stuck(creep, 1.0 + 3.0 * creep - (push / limit).abs());
+    limit * (1.0 - sticking.powi(3)) * push.signum()
+}
+
+/// The root y of y³ + 3 p y = c for p ≥ 0, and 0 where it is negative.
+fn stuck(p: f64, c: f64) -> f64 {
+    if c <= 0.0 {
+        return 0.0;
+    }
+    let root = p.sqrt();
+    let argument = 0.5 * c / (p * root);
+    // Where p is lost beside c the hyperbolic form is of no use.
+    if argument.is_finite() && argument < 1e12 { 2.0 * root * (argument.asinh() / 3.0).sinh() } else { c.cbrt() }
 }

@@ -13,6 +13,7 @@ pub(super) struct Slot<'a> {
     values: Vec<f64>,
     states: Range<usize>,
     stage: Stage,
+    senses: bool,
 }
 
 /// All effects, by hook.
@@ -23,9 +24,10 @@ pub(super) struct Slots<'a> {
     commands: Range<usize>,
     loads: Range<usize>,
     drives: Range<usize>,
-    sensors: Range<usize>,
     /// Whether the command that goes on changes only where a piece of an interval begins.
     pub(super) held: bool,
+    /// Whether anything changes what is recorded.
+    pub(super) sensed: bool,
     /// Whether a load or a drive effect has numbers that change along the way.
     pub(super) advancing: bool,
     /// Numbers of all states together.
@@ -44,19 +46,20 @@ impl<'a> Slots<'a> {
                 |(i, p): (usize, &EffectParameter)| p.neutral.or_else(|| start.as_ref().and_then(|s| s.get(i).copied())).unwrap_or(p.scale);
             let values: Vec<f64> = parameters.iter().enumerate().map(value).collect();
             let range = states..states + effect.states(scene);
-            slots.push(Slot { effect, first, values, states: range.clone(), stage: effect.stage() });
+            slots.push(Slot { effect, first, values, states: range.clone(), stage: effect.stage(), senses: false });
             first += parameters.len();
             states = range.end;
         }
         slots.sort_by_key(|s| s.stage);
+        slots.iter_mut().for_each(|s| s.senses = s.stage > Stage::Drive || s.effect.senses());
         let before = |end: &dyn Fn(Stage) -> bool| slots.partition_point(|s| end(s.stage));
         let commands = 0..before(&|s| s.place() == Place::Command);
         let loads = commands.end..before(&|s| s <= Stage::Load);
         let drives = loads.end..before(&|s| s <= Stage::Drive);
-        let sensors = drives.end..slots.len();
         let held = slots[commands.clone()].iter().all(|s| s.effect.holds());
         let advancing = slots[loads.start..drives.end].iter().any(|s| !s.states.is_empty());
-        Self { slots, commands, loads, drives, sensors, held, advancing, states }
+        let sensed = slots.iter().any(|s| s.senses);
+        Self { slots, commands, loads, drives, held, sensed, advancing, states }
     }
 
     /// Replaces all values, given in the caller's order.
@@ -73,10 +76,6 @@ impl<'a> Slots<'a> {
 
     pub(super) fn driven(&self) -> bool {
         !self.drives.is_empty()
-    }
-
-    pub(super) fn sensed(&self) -> bool {
-        !self.sensors.is_empty()
     }
 
     /// Sets all states at the start of a stretch; `u` becomes the command that goes on.
@@ -136,7 +135,7 @@ impl<'a> Slots<'a> {
 
     /// What sensors make of the outputs.
     pub(super) fn measure(&self, at: &Instant<'_>, past: &dyn Fn(f64, &mut [f64]), state: &mut [f64], seen: &mut [f64]) {
-        for slot in &self.slots[self.sensors.clone()] {
+        for slot in self.slots.iter().filter(|s| s.senses) {
             slot.effect.measure(&slot.values, at, past, &mut state[slot.states.clone()], seen);
         }
     }

@@ -85,7 +85,7 @@ impl EffectSimulator<'_> {
         self.body.x.copy_from_slice(initial);
         self.trace.truncate(0, 0);
         self.slots.begin(&first, initial, &mut self.state, &mut self.body.u);
-        if self.slots.sensed() {
+        if self.slots.sensed {
             // A sensor sees the first sample too.
             self.trace.push(first.time, &self.body.x, None);
             self.body.next.copy_from_slice(initial);
@@ -127,7 +127,7 @@ impl EffectSimulator<'_> {
             } else {
                 next.copy_from_slice(x);
             }
-            if self.slots.sensed() {
+            if self.slots.sensed {
                 let at = Instant { time: time[k], row: k, ..*first };
                 self.trace.push(at.time, &self.body.x, None);
                 self.sense(&at);
@@ -201,7 +201,7 @@ impl EffectSimulator<'_> {
         let (n0, nm) = (&mut b.n0[..n], &mut b.nm[..n]);
         let right = RightSide { model: *model, theta, slots, linear };
         right.accelerations::<N>(at, x, &b.u, state, &mut b.work, n0)?;
-        if slots.sensed() {
+        if slots.sensed {
             trace.push(at.time, x, Some(n0));
         }
         for (i, n0) in n0.iter_mut().enumerate() {

@@ -5,6 +5,7 @@
 use rand::rngs::StdRng;
 use rand::{Rng, SeedableRng};
 use wheelwright_core::effect::{Effect, EffectSimulator, Scene};
+use wheelwright_core::simulation::Readout;
 use wheelwright_core::{Dataset, ModelConfig, RegressorModel, Stretch};
 use wheelwright_models::{VwPdConfig, WheelVoltageConfig};
 
@@ -75,8 +76,17 @@ impl Rig {
     }
 
     pub fn run(&self, effects: &[&dyn Effect], values: &[f64]) -> Vec<Vec<f64>> {
+        self.read(effects, values, Readout::Instantaneous)
+    }
+
+    /// The outputs' means over each interval, with one effect.
+    pub fn mean_run(&self, effect: &dyn Effect, values: &[f64]) -> Vec<Vec<f64>> {
+        self.read(&[effect], values, Readout::IntervalMean)
+    }
+
+    fn read(&self, effects: &[&dyn Effect], values: &[f64], readout: Readout) -> Vec<Vec<f64>> {
         let scene = self.scene();
-        let mut simulator = EffectSimulator::new(&*self.model, &self.theta, effects, &scene).unwrap();
+        let mut simulator = EffectSimulator::new(&*self.model, &self.theta, effects, &scene).unwrap().with_readout(readout);
         simulator.set(&self.theta, values).unwrap();
         simulator.choose_substeps(&self.data.stretches).unwrap();
         let mut run = vec![Vec::new(); 2];
