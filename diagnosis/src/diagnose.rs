@@ -63,6 +63,7 @@ pub fn diagnose(question: &Question<'_>) -> Result<Diagnosis, DiagnosisError> {
     let Beside { radii, track } = Beside::of(question, &scene);
     let story = selected(setting, question, radii.as_ref())?;
     let mut story = other_readout(story, question, &data, &scene, radii.as_ref())?;
+    story.selected = story.search.unjittered(story.selected, &story.responses);
     story.selected = judged(question, &story.search, story.selected, &story.responses);
     tell(question, story, track, warnings)
 }

@@ -70,6 +70,24 @@ impl Noise {
         noise
     }
 
+    /// The same law where the noise of each row is louder than usual: by output, flat over the rows, the factor that makes it usual.
+    pub(crate) fn evened(&self, residual: &[f64], layout: &Layout, factors: &[Vec<f64>]) -> Self {
+        let mut noise = Self { weights: Self::white(&self.deviation, layout).weights, ..self.clone() };
+        let mut white = residual.to_vec();
+        noise.whiten_flat(layout, &mut white);
+        for (c, factors) in factors.iter().enumerate() {
+            white[layout.output(c)].iter_mut().zip(factors).for_each(|(x, f)| *x *= f);
+        }
+        noise.weigh(&white, layout);
+        for (c, factors) in factors.iter().enumerate() {
+            for s in 0..layout.stretches() {
+                let start = layout.part(c, s).start - layout.output(c).start;
+                noise.weights[s][c].iter_mut().zip(&factors[start..]).for_each(|(w, f)| *w *= f);
+            }
+        }
+        noise
+    }
+
     /// Weights by the size of each innovation, and the innovations' deviation as the bulk shows it.
     fn weigh(&mut self, white: &[f64], layout: &Layout) {
         for c in 0..layout.outputs() {

@@ -7,6 +7,7 @@
 
 use wheelwright_core::effect::{Effect, EffectParameter, Stage};
 
+use crate::adequacy::unjittered;
 use crate::diagnose::Known;
 use crate::fit::Fitted;
 use crate::fit::algebra::Directions;
@@ -351,6 +352,32 @@ impl<'a> Search<'a> {
     /// How many members are known and stay.
     pub(crate) fn fixed(&self, selected: &Selected) -> usize {
         selected.state.effects.iter().take_while(|i| **i >= self.library.len()).count()
+    }
+
+    /// The selection, contested again under noise that is louder where the robot accelerates, if stamps jitter: there scatter makes evidence
+    /// for whatever acts while the robot accelerates.
+    pub(crate) fn unjittered(&self, selected: Selected, first: &[Response]) -> Selected {
+        let Setting { data, scene, layout, measured, .. } = &self.setting;
+        let Selected { state, whitening, .. } = &selected;
+        if state.effects.len() == self.fixed(&selected) {
+            return selected;
+        }
+        let Some(factors) = unjittered(data, scene, &layout.series(&state.fit.simulated), &whitening.noise) else { return selected };
+        let residual: Vec<f64> = measured.iter().zip(&state.fit.simulated).map(|(y, s)| y - s).collect();
+        let noise = whitening.noise.evened(&residual, layout, &factors);
+        let under = |effects: &[usize], fit: &Fit, effort| self.under(effects, fit, &noise, effort);
+        let (Some((whitening, fit)), Some((_, base))) = (under(&state.effects, &state.fit, FINAL), under(&[], &selected.base, COMPARING))
+        else {
+            return selected;
+        };
+        let mut evened = Selected { state: State { effects: state.effects.clone(), fit }, whitening, base, ..selected };
+        self.exchange(&mut evened, first);
+        let nothing = State { effects: Vec::new(), fit: evened.base.clone() };
+        let alone = evened.state.effects.len() == 1;
+        if alone && self.worth(&evened, &nothing) <= 0.0 {
+            evened = Selected { state: nothing, rivals: Vec::new(), ..evened };
+        }
+        evened
     }
 
     /// Drops each member in turn and takes the best replacement if it gains; keeps the others as rivals.

@@ -16,7 +16,11 @@ pub use lattice::{Counts, Lattice};
 pub use orders::OrderLine;
 pub use structure::Structure;
 
-use crate::comparison::Comparison;
+use wheelwright_core::effect::Scene;
+use wheelwright_core::{Dataset, Stretch};
+
+use crate::comparison::{Channels, Comparison};
+use crate::noise::Noise;
 
 /// What the five tests found.
 #[derive(Debug, Clone, PartialEq)]
@@ -77,6 +81,32 @@ impl Adequacy {
         }
         all
     }
+}
+
+/// Whether stamps jitter beside a free run, and then, by output, the factor of each row that brings its innovation back to the size it has
+/// without jitter.
+pub(crate) fn unjittered(data: &Dataset, scene: &Scene, run: &[Channels], noise: &Noise) -> Option<Vec<Vec<f64>>> {
+    let whitened = |(s, (stretch, run)): (usize, (&Stretch, &Channels))| {
+        let left = stretch.outputs.iter().zip(run).map(|(y, x)| y.iter().zip(x).map(|(y, x)| y - x).collect());
+        let mut left: Channels = left.collect();
+        noise.whiten(s, &mut left);
+        left
+    };
+    let white: Vec<Channels> = data.stretches.iter().zip(run).enumerate().map(whitened).collect();
+    let comparison = Comparison {
+        data,
+        scene,
+        base: run,
+        model: run,
+        without: run,
+        white: &white,
+        whiten: &|_, _| (),
+        noise: &noise.deviation,
+        rates: &[],
+        jacobian: &[],
+    };
+    let jitter = jitter::find(&comparison)?;
+    Some((0..comparison.outputs()).map(|output| jitter.weights(&comparison, output)).collect())
 }
 
 /// Slope of a series, by central differences.
