@@ -133,10 +133,11 @@ mod tests {
     use wheelwright_models::VwPdConfig;
 
     use super::*;
+    use crate::effects::TimestampJitter;
     use crate::fixture::{Case, TRACK};
 
     /// The decision where nothing was found, with what else weighs.
-    fn decided(foreign: bool, flags: Vec<Flag>) -> Decided {
+    fn decided(foreign: bool, transfer: Transfer, flags: Vec<Flag>) -> Decided {
         let model = VwPdConfig::default().build().expect("the model has defaults");
         let case = Case::clean(1);
         let scene = Scene::new(&case.data, &*model, TRACK, None, None);
@@ -144,19 +145,34 @@ mod tests {
             findings: Vec::new(),
             track: None,
             flags,
-            transfer: Transfer::Holds,
+            transfer,
             foreign,
             warnings: Vec::new(),
-            effects: &[],
+            effects: &[Box::new(TimestampJitter::default()) as Box<dyn Effect>],
             scene: &scene,
         })
     }
 
     #[test]
     fn a_held_out_recording_with_motion_of_its_own_is_no_clean_bill() {
-        assert_eq!(decided(false, Vec::new()).verdict, Verdict::NoMismatch);
-        let foreign = decided(true, Vec::new());
+        assert_eq!(decided(false, Transfer::Holds, Vec::new()).verdict, Verdict::NoMismatch);
+        let foreign = decided(true, Transfer::Fails, Vec::new());
         assert_eq!(foreign.verdict, Verdict::Unexplained);
         assert!(foreign.headline.contains("held-out") && foreign.warnings.len() == 1, "{}", foreign.headline);
+    }
+
+    #[test]
+    fn what_acts_on_the_noise_alone_has_nothing_to_transfer() {
+        let jitter = Flag {
+            test: "variance against acceleration",
+            value: 20.0,
+            threshold: 0.0,
+            left_over: None,
+            statement: "stamps jitter".to_owned(),
+            effect: Some(("timestamp_jitter".to_owned(), vec![0.01])),
+        };
+        let found = decided(false, Transfer::Fails, vec![jitter.clone()]);
+        assert_eq!((found.verdict, found.effects.len()), (Verdict::Explained, 1), "{}", found.headline);
+        assert_eq!(decided(true, Transfer::Fails, vec![jitter]).verdict, Verdict::Unexplained);
     }
 }

@@ -319,4 +319,24 @@ mod tests {
         // It was 0.8; what is left is the difference between weights before and after the untangling.
         assert!(product.abs() < 0.1, "{product}");
     }
+
+    #[test]
+    fn rows_known_to_be_louder_are_evened_out() {
+        let case = Case::clean(1);
+        let layout = Layout::of(&case.data, &case.scene);
+        // Every other row of both outputs is three times as loud.
+        let factor = |k: usize| if k.is_multiple_of(2) { 1.0 } else { 1.0 / 3.0 };
+        let residual: Vec<f64> = series(5, 0.0, &layout).iter().enumerate().map(|(k, x)| x / factor(k % layout.rows())).collect();
+        let factors = vec![(0..layout.rows()).map(factor).collect::<Vec<f64>>(); 2];
+        let plain = Noise::estimate(&residual, &layout, 0.0, &[1e-9; 2]);
+        let ratio = |noise: &Noise| {
+            let mut white = residual.clone();
+            noise.whiten_flat(&layout, &mut white);
+            let power = |odd: usize| (odd..layout.rows()).step_by(2).map(|k| white[k] * white[k]).sum::<f64>();
+            power(1) / power(0)
+        };
+        assert!(ratio(&plain) > 2.5, "{}", ratio(&plain));
+        let evened = ratio(&plain.evened(&residual, &layout, &factors));
+        assert!((0.85..1.15).contains(&evened), "{evened}");
+    }
 }
