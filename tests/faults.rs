@@ -406,6 +406,12 @@ fn a_driver_that_hangs_wakes_the_watchdog() {
 }
 
 #[cfg(unix)]
+#[path = "faults/hanging.rs"]
+mod hanging;
+#[cfg(unix)]
+#[path = "suite/library.rs"]
+mod library;
+#[cfg(unix)]
 #[path = "faults/link.rs"]
 mod link;
 #[cfg(unix)]

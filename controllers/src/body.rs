@@ -19,7 +19,8 @@ impl Body {
     /// The body of a model's outputs.
     ///
     /// # Errors
-    /// [`ControlError::Model`] for outputs that do not tell how the body moves, or without the track width they need.
+    /// [`ControlError::Model`] for outputs that do not tell how the body moves, without an equation each, or without the track width
+    /// they need.
     pub fn of(model: &dyn RegressorModel, envelope: &Envelope) -> Result<Self, ControlError> {
         let wrong = |reason: String| ControlError::Model { model: model.name().to_owned(), reason };
         let names: Vec<&str> = model.outputs().iter().map(|c| c.name.as_ref()).collect();
@@ -36,6 +37,9 @@ impl Body {
         let [first, second] = model.outputs() else {
             return Err(wrong(format!("it has the outputs {}; two velocities are needed", names.join(", "))));
         };
+        if model.equations() != 2 {
+            return Err(wrong(format!("its number of equations is {}; each of the two velocities needs one", model.equations())));
+        }
         let outputs = [row(first)?, row(second)?];
         let body = inverse(&outputs).ok_or_else(|| wrong(format!("its outputs {} are one and the same", names.join(", "))))?;
         Ok(Self { outputs, body })

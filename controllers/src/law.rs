@@ -214,15 +214,15 @@ impl Law {
     /// Mean of Φᵀ ν̃ when the body velocities are measured with an error of ± `noise` on one axis about (v, ω), everything else
     /// being on its course: the drift that noise gives the adaptation.                                    (notes to 3.21)
     pub(crate) fn noise_gradient(&mut self, at: [f64; 2], axis: usize, noise: f64, gradient: &mut [f64]) {
-        let rates = self.gains.rates();
+        let on_axis = |size: f64| std::array::from_fn(|i| if i == axis { size } else { 0.0 });
+        let (centre, error) = (self.body.to_outputs(at), self.body.to_outputs(on_axis(noise)));
+        let answer = self.body.to_outputs(on_axis(-self.gains.rates()[axis] * noise));
         for sign in [1.0, -1.0] {
-            let mut error = [0.0; 2];
-            error[axis] = sign * noise;
-            let outputs = self.body.to_outputs([at[0] + error[0], at[1] + error[1]]);
-            let sigma = self.body.to_outputs([-rates[0] * error[0], -rates[1] * error[1]]);
-            self.rows(&outputs, &sigma);
-            self.error = self.body.to_outputs([-0.5 * error[0], -0.5 * error[1]]);
-            (0..self.y.len()).for_each(|equation| self.gradient(equation, gradient));
+            let either_way = |about: [f64; 2], by: [f64; 2]| [about[0] + sign * by[0], about[1] + sign * by[1]];
+            self.rows(&either_way(centre, error), &either_way([0.0; 2], answer));
+            self.error = error.map(|error| -0.5 * sign * error);
+            // Where the noise of one axis reaches one output only, half of the rows have no part in it.
+            (0..2).filter(|i| error[*i] != 0.0).for_each(|equation| self.gradient(equation, gradient));
         }
     }
 }

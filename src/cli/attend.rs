@@ -20,7 +20,7 @@ use crate::record::RecordingFiles;
 
 /// Countdown before a robot in real time moves \[s\].
 const COUNTDOWN: f64 = 3.0;
-/// A driver that has not returned for this many control periods, and this many seconds, hangs.
+/// A drive without a new row for this many control periods, and this many seconds, hangs.
 const HANGS: (f64, f64) = (20.0, 5.0);
 /// How often a countdown looks at the key and the signals.
 const GLANCE: Duration = Duration::from_millis(20);
@@ -140,11 +140,14 @@ impl<'a> Attendant<'a> {
     }
 }
 
-/// Ends the program if the driver hangs in a call: the link goes down with it, and the robot's own watchdog stops the robot.
+/// Ends the program if the driver, or what decides the commands, hangs in a call: the link goes down with it, and the robot's own watchdog stops the robot.
 fn watchdog(robot: &Live) -> Option<Watchdog> {
     let limit = Duration::try_from_secs_f64((HANGS.0 * robot.period()).max(HANGS.1)).ok().filter(|_| robot.real_time())?;
     Some(Watchdog::start(limit, move || {
-        eprintln!("error: the robot's driver has not returned for {} s; the program ends so that the link goes down", limit.as_secs_f64());
+        let silent = limit.as_secs_f64();
+        eprintln!(
+            "error: the robot's driver or its controller has not returned for {silent} s; the program ends so that the link goes down"
+        );
         wheelwright_plugin::exit(5);
     }))
 }

@@ -53,7 +53,7 @@ countdown = 0.0
 
 /// The program's ways to drive a robot, with the folder below `out` in which each leaves its first recording.
 pub(super) const RECORD: Way = ("record", "");
-const TRACK: Way = ("track", "");
+pub(super) const TRACK: Way = ("track", "");
 const MIGRATE: Way = ("migrate", "migrated");
 
 pub(super) type Way = (&'static str, &'static str);
@@ -61,7 +61,7 @@ pub(super) type Way = (&'static str, &'static str);
 /// The program at work, with its folder and that of its recording.
 pub(super) struct Driving {
     child: Child,
-    folder: tempfile::TempDir,
+    pub(super) folder: tempfile::TempDir,
     pub(super) out: PathBuf,
 }
 

@@ -3,32 +3,14 @@
 
 use std::fs;
 use std::os::unix::fs::PermissionsExt;
-use std::path::Path;
 use std::process::{Command, Output};
 
 use serde_json::Value;
 use tempfile::TempDir;
 
-const BROKEN: &str = "plugin/tests/broken/broken.c";
+use crate::library::compile;
 
-/// Compiles a C file of the workspace into a folder; false, said plainly, where there is no C compiler.
-fn compile(source: &str, defines: &[&str], library: &Path) -> bool {
-    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
-    let compiler = std::env::var("CC").unwrap_or_else(|_| "cc".to_owned());
-    let mut command = Command::new(&compiler);
-    command.args(["-shared", "-fPIC", "-I"]).arg(root.join("plugin/include")).arg(root.join(source));
-    command.args(defines.iter().map(|d| format!("-D{d}"))).arg("-o").arg(library).arg("-lm");
-    match command.status() {
-        Ok(status) => {
-            assert!(status.success(), "{source} does not compile");
-            true
-        }
-        Err(error) => {
-            println!("skipped: no C compiler ({compiler}: {error})");
-            false
-        }
-    }
-}
+const BROKEN: &str = "plugin/tests/broken/broken.c";
 
 fn wheelwright(folder: &TempDir, arguments: &[&str]) -> Output {
     Command::new(env!("CARGO_BIN_EXE_wheelwright")).args(arguments).arg("--json").current_dir(folder.path()).output().unwrap()

@@ -98,6 +98,17 @@ fn the_same_input_and_seed_give_the_same_bytes_for_any_number_of_threads() {
         let read = |folder: &Path| std::fs::read_to_string(folder.join(file)).unwrap().replace(folder.to_str().unwrap(), "OUT");
         assert_eq!(read(&one), read(&two), "{file}");
     }
+    let recording = one.join("recording.csv");
+    for more in [["--solver", "output-error"], ["--solver", "iv"], ["--online", "--quick"]] {
+        let identified = |threads: &str| {
+            let mut command = Command::new(env!("CARGO_BIN_EXE_wheelwright"));
+            command.arg("identify").arg(&recording).args(more).arg("--json").env("RAYON_NUM_THREADS", threads);
+            let output = command.output().unwrap();
+            assert!(output.status.success(), "{more:?}: {}", String::from_utf8_lossy(&output.stderr));
+            output.stdout
+        };
+        assert!(identified("1") == identified("3"), "{more:?}");
+    }
 }
 
 #[test]

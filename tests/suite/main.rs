@@ -7,5 +7,6 @@ mod cli;
 mod control;
 mod diagnose;
 mod emulate;
+mod library;
 mod plugins;
 mod recording;

@@ -8,29 +8,16 @@ use rand::{Rng, SeedableRng};
 use rand_distr::StandardNormal;
 use serde_json::Value;
 
+use crate::library;
+
 fn root() -> &'static Path {
     Path::new(env!("CARGO_MANIFEST_DIR"))
 }
 
-/// Compiles a C plugin into `folder`; `None`, said plainly, without a C compiler.
-fn compile(source: &str, defines: &[&str], folder: &Path) -> Option<PathBuf> {
+/// Compiles a C plugin into `folder`; `None` without a C compiler.
+fn compile(source: &str, folder: &Path) -> Option<PathBuf> {
     let library = folder.join("libplugin.so");
-    let compiler = std::env::var("CC").unwrap_or_else(|_| "cc".to_owned());
-    let status = Command::new(&compiler)
-        .args(["-shared", "-fPIC", "-std=gnu11", "-I"])
-        .arg(root().join("plugin/include"))
-        .args(defines.iter().map(|d| format!("-D{d}")))
-        .arg(root().join(source))
-        .arg("-o")
-        .arg(&library)
-        .arg("-lm")
-        .status();
-    let Ok(status) = status else {
-        println!("skipped: no C compiler (`{compiler}`) on PATH");
-        return None;
-    };
-    assert!(status.success(), "{source} does not compile");
-    Some(library)
+    library::compile(source, &[], &library).then_some(library)
 }
 
 fn run(folder: &Path, config: &str, more: &[&str]) -> Output {
@@ -50,7 +37,7 @@ fn theta(document: &Value) -> Vec<f64> {
 #[test]
 fn a_robot_in_c_is_driven_and_identified_like_a_built_in() {
     let folder = tempfile::tempdir().unwrap();
-    if compile("examples/plugins/c/robot.c", &[], folder.path()).is_none() {
+    if compile("examples/plugins/c/robot.c", folder.path()).is_none() {
         return;
     }
     let output = run(folder.path(), &config("type = \"c-base\"\ntau = 0.25"), &[]);
@@ -95,7 +82,7 @@ fn a_model_in_c_finds_the_truth_of_a_robot_in_c() {
     let folder = tempfile::tempdir().unwrap();
     let model = folder.path().join("model");
     std::fs::create_dir(&model).unwrap();
-    if compile("examples/plugins/c/robot.c", &[], folder.path()).and(compile("examples/plugins/c/model.c", &[], &model)).is_none() {
+    if compile("examples/plugins/c/robot.c", folder.path()).and(compile("examples/plugins/c/model.c", &model)).is_none() {
         return;
     }
     let both = format!("{}[model]\ntype = \"c-lag\"\n[[plugin]]\npath = \"model/libplugin.so\"\n", config("type = \"c-base\"\ntau = 0.25"));
@@ -112,7 +99,7 @@ fn a_model_in_c_finds_the_truth_of_a_robot_in_c() {
 #[test]
 fn plugins_lists_and_checks_a_library() {
     let folder = tempfile::tempdir().unwrap();
-    let Some(library) = compile("examples/plugins/c/model.c", &[], folder.path()) else { return };
+    let Some(library) = compile("examples/plugins/c/model.c", folder.path()) else { return };
     let output = Command::new(env!("CARGO_BIN_EXE_wheelwright")).args(["plugins", "check"]).arg(&library).output().unwrap();
     assert!(output.status.success(), "{}{}", String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr));
     assert!(String::from_utf8_lossy(&output.stdout).contains(": ok"));
@@ -149,7 +136,7 @@ fn cubic_recording() -> String {
 #[test]
 fn an_effect_in_c_is_named_by_a_diagnosis() {
     let folder = tempfile::tempdir().unwrap();
-    if compile("examples/plugins/c/effect.c", &[], folder.path()).is_none() {
+    if compile("examples/plugins/c/effect.c", folder.path()).is_none() {
         return;
     }
     std::fs::write(folder.path().join("drive.csv"), cubic_recording()).unwrap();

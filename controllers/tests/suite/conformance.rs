@@ -1,8 +1,11 @@
 //! Every registered controller keeps its promises on every registered trajectory.
 
+use std::sync::Arc;
+
 use crate::common::{KHEPERA, pd_subject};
 use toml::Table;
 use wheelwright_controllers as _;
+use wheelwright_core::ModelConfig;
 use wheelwright_core::config;
 use wheelwright_core::controller::{ControllerConfig, Observation, Subject};
 use wheelwright_core::profile::Limits;
@@ -106,4 +109,16 @@ fn a_model_from_voltages_is_inverted_too() {
     live.step(&Observation { t: 3.0, reference: r, pose: [r.x, r.y, r.phi], outputs: &[0.35, 0.65] }, &mut command);
     assert!((command[0] - 2.5 * 0.35).abs() < 1e-9 && (command[1] - 2.6 * 0.65).abs() < 1e-9, "{command:?}");
     assert!(config.build(&Subject { envelope: Envelope::default(), ..subject }).unwrap_err().to_string().contains("track_width"));
+}
+
+#[test]
+fn a_model_without_an_equation_for_each_velocity_is_refused() {
+    let one = "type = 'expression'\nname = 'one'\ninputs = { v_ref = 'm/s' }\noutputs = { v = 'm/s', omega = 'rad/s' }\n\
+        equations = ['v_ref = a*der(v) + b*v + c*omega']\n[parameters]\na = { unit = 's' }\nb = { unit = '1' }\nc = { unit = 'm' }";
+    let model = config::tagged::<Box<dyn ModelConfig>>(one.parse::<Table>().unwrap()).unwrap().build().unwrap();
+    let subject = Subject { model: Arc::from(model), theta: vec![0.2, 1.0, 0.1], intervals: vec![None; 3], ..pd_subject(&KHEPERA, 0.02) };
+    for (controller, settings) in &CONTROLLERS[1..] {
+        let refused = config::tagged::<Box<dyn ControllerConfig>>(table(controller, settings)).unwrap().build(&subject).map(drop);
+        assert!(refused.unwrap_err().to_string().contains("its number of equations is 1"), "{controller}");
+    }
 }
