@@ -177,9 +177,14 @@ impl Law {
 
     /// Adds Φᵀ ν̃ of one equation, of the last evaluation, to `gradient`.                                           (3.21)
     pub fn gradient(&self, equation: usize, gradient: &mut [f64]) {
-        let n = gradient.len();
-        for (sum, phi) in gradient.iter_mut().zip(&self.phi[equation * n..(equation + 1) * n]) {
-            *sum += phi * self.error[equation];
+        self.add_row(equation, self.error[equation], gradient);
+    }
+
+    /// Adds a multiple of a row of Φ of the last evaluation.
+    fn add_row(&self, equation: usize, factor: f64, sum: &mut [f64]) {
+        let n = sum.len();
+        for (sum, phi) in sum.iter_mut().zip(&self.phi[equation * n..(equation + 1) * n]) {
+            *sum += factor * phi;
         }
     }
 
@@ -214,15 +219,18 @@ impl Law {
     /// Mean of Φᵀ ν̃ when the body velocities are measured with an error of ± `noise` on one axis about (v, ω), everything else
     /// being on its course: the drift that noise gives the adaptation.                                    (notes to 3.21)
     pub(crate) fn noise_gradient(&mut self, at: [f64; 2], axis: usize, noise: f64, gradient: &mut [f64]) {
-        let on_axis = |size: f64| std::array::from_fn(|i| if i == axis { size } else { 0.0 });
-        let (centre, error) = (self.body.to_outputs(at), self.body.to_outputs(on_axis(noise)));
-        let answer = self.body.to_outputs(on_axis(-self.gains.rates()[axis] * noise));
+        let (mut wrong, mut answer) = ([0.0; 2], [0.0; 2]);
+        wrong[axis] = noise;
+        answer[axis] = -self.gains.rates()[axis] * noise;
+        let (centre, wrong, answer) = (self.body.to_outputs(at), self.body.to_outputs(wrong), self.body.to_outputs(answer));
         for sign in [1.0, -1.0] {
-            let either_way = |about: [f64; 2], by: [f64; 2]| [about[0] + sign * by[0], about[1] + sign * by[1]];
-            self.rows(&either_way(centre, error), &either_way([0.0; 2], answer));
-            self.error = error.map(|error| -0.5 * sign * error);
-            // Where the noise of one axis reaches one output only, half of the rows have no part in it.
-            (0..2).filter(|i| error[*i] != 0.0).for_each(|equation| self.gradient(equation, gradient));
+            self.rows(&[centre[0] + sign * wrong[0], centre[1] + sign * wrong[1]], &[sign * answer[0], sign * answer[1]]);
+            for (equation, wrong) in wrong.iter().enumerate() {
+                // Where the noise of one axis reaches one output only, half of the rows have no part in it.
+                if *wrong != 0.0 {
+                    self.add_row(equation, -0.5 * sign * wrong, gradient);
+                }
+            }
         }
     }
 }
