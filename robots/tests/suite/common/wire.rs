@@ -39,9 +39,22 @@ pub fn identify(robot: &mut Live, model: &str, excitation: &str, duration: f64) 
     (OutputError::default().solve(&Problem::new(&*model, &data)).unwrap(), recording.warnings)
 }
 
-/// Both estimates agree within what rounding leaves: `share` of each parameter, or `absolute` where it is near zero.
-pub fn agree(direct: &Solution, through: &Solution, share: f64, absolute: f64) {
+/// Both estimates agree within what rounding leaves: `share` of each parameter, or `absolute` where it is near zero; and the interval that
+/// is reported through the wire is wide enough for what rounding did: two half widths are four standard errors. Prints both estimates with their 95 % intervals.
+pub fn agree(name: &str, direct: &Solution, through: &Solution, share: f64, absolute: f64) {
+    let half = |solution: &Solution| -> Vec<f64> { solution.ci95.iter().flatten().map(|(low, high)| 0.5 * (high - low)).collect() };
+    let (exact, wide) = (half(direct), half(through));
     for (i, (a, b)) in direct.theta.iter().zip(&through.theta).enumerate() {
-        assert!((a - b).abs() <= (share * a.abs()).max(absolute), "theta{}: {a} directly, {b} through the wire", i + 1);
+        let off = b - a;
+        println!(
+            "{name}: theta{} {a:10.6} ± {:.1e} directly, {b:10.6} ± {:.1e} through the wire: {off:+.1e}, {:+.2} %, {:.1} half widths",
+            i + 1,
+            exact[i],
+            wide[i],
+            100.0 * off / a,
+            off.abs() / wide[i]
+        );
+        assert!(off.abs() <= 2.0 * wide[i], "{name}, theta{}: {a} directly, {b} ± {} through the wire", i + 1, wide[i]);
+        assert!(off.abs() <= (share * a.abs()).max(absolute), "{name}, theta{}: {a} directly, {b} through the wire", i + 1);
     }
 }
