@@ -119,11 +119,13 @@
     for (const panel of plot.panels) for (const s of panel.series) if (!s.line) s.values = [null, ...s.values, null];
   }
 
-  // The range of what is in view, but not beyond the limits; a constant gets room on both sides.
+  // The range of what is in view, but not beyond the limits; a constant gets room on both sides, and what hardly changes some, or the
+  // numbers at its axis would be longer than their place.
   const within = ([low, high]) => (u, min, max) => {
     if (min == null) return [null, null];
     const [from, to] = [Math.min(Math.max(min, low), high), Math.max(Math.min(max, high), low)];
-    const room = from === to ? 0.1 * Math.abs(from) || 1 : 0;
+    const size = Math.max(Math.abs(from), Math.abs(to));
+    const room = from === to ? 0.1 * size || 1 : Math.max(0, 0.5 * (1e-3 * size - (to - from)));
     return uPlot.rangeNum(from - room, to + room, 0.1, true);
   };
 
