@@ -24,7 +24,7 @@ pub(crate) fn judged(question: &Question<'_>, search: &Search<'_>, mut selected:
     let Some(bench) = Bench::new(question, search, &selected) else { return selected };
     while let Some(fewer) = bench.fewer(search, &selected) {
         selected = fewer;
-        search.exchange(&mut selected, first);
+        search.exchange(&mut selected, first, None);
     }
     exchanged(&bench, search, selected)
 }

@@ -259,7 +259,9 @@ impl<'a> Search<'a> {
             let Some(next) = joined else { break };
             selected = Selected { ranking: selected.ranking, ..next };
             if selected.state.effects.len() > 1 {
-                self.exchange(&mut selected, first);
+                // What else could have joined in the newest member's place has just been seen.
+                let newest = selected.rivals.pop();
+                self.exchange(&mut selected, first, newest);
             }
         }
         Ok(selected)
@@ -371,7 +373,7 @@ impl<'a> Search<'a> {
             return selected;
         };
         let mut evened = Selected { state: State { effects: state.effects.clone(), fit }, whitening, base, ..selected };
-        self.exchange(&mut evened, first);
+        self.exchange(&mut evened, first, None);
         let nothing = State { effects: Vec::new(), fit: evened.base.clone() };
         let alone = evened.state.effects.len() == 1;
         if alone && self.worth(&evened, &nothing) <= 0.0 {
@@ -380,26 +382,34 @@ impl<'a> Search<'a> {
         evened
     }
 
-    /// Drops each member in turn and takes the best replacement if it gains; keeps the others as rivals.
-    pub(crate) fn exchange(&self, selected: &mut Selected, first: &[Response]) {
+    /// Drops each member in turn and takes the best replacement if it gains; keeps the others as rivals. Those of the newest member need not be
+    /// sought if they are known, as long as nothing else changes.
+    pub(crate) fn exchange(&self, selected: &mut Selected, first: &[Response], mut newest: Option<Vec<Rival>>) {
         let fixed = self.fixed(selected);
         let mut member = fixed;
         let mut exchanged = 0;
         selected.rivals = vec![Vec::new(); fixed];
         while member < selected.state.effects.len() {
+            if let Some(rivals) = newest.take_if(|_| member + 1 == selected.state.effects.len()) {
+                selected.rivals.push(rivals);
+                break;
+            }
             let (rest, refined) = self.replacements(selected, member, first);
             let present = self.worth(selected, &rest);
             let better = refined.first().filter(|b| exchanged < MOST && b.score > present + EXCHANGE);
             if let Some(next) = better.and_then(|best| self.replaced(selected, &rest, best)) {
                 *selected = next;
                 selected.rivals = vec![Vec::new(); fixed];
+                newest = None;
                 exchanged += 1;
                 member = fixed;
                 continue;
             }
             if let Some(next) = self.pruned(selected, &rest, present) {
                 *selected = next;
-                member = 0;
+                selected.rivals = vec![Vec::new(); fixed];
+                newest = None;
+                member = fixed;
                 continue;
             }
             selected.rivals.push(self.beside(&rest, &refined, selected.state.effects[member], present));
