@@ -170,6 +170,8 @@ impl<'a> Search<'a> {
         let mut indices = state.effects.clone();
         indices.push(candidates[0].effect);
         let effects = self.effects(&indices);
+        // An effect as it starts, beside a model's unknowns.
+        let beside = |z: &[f64], c: &Candidate| [z, &responses[c.response].start.values[..]].concat();
         let gentle = candidates.iter().filter(|c| c.information > 0.0).min_by(|a, b| a.information.total_cmp(&b.information));
         let mut substeps = None;
         let mut at = |start: Vec<f64>| {
@@ -185,18 +187,17 @@ impl<'a> Search<'a> {
         };
         let bold = candidates.iter().take(2).filter_map(|c| at(projection.start(&responses[c.response], c)));
         let bold = bold.reduce(|a, b| if b.value > a.value { b } else { a });
-        let gentle = gentle.and_then(|c| at([&state.fit.point.x[..], &responses[c.response].start.values].concat()));
+        let gentle = gentle.and_then(|c| at(beside(&state.fit.point.x, c)));
         if self.effect(candidates[0].effect).stage() == Stage::Loop {
             // A loop changes what every parameter does: what is linear about the open one says nothing. It enters closed, all columns new.
             let even = |c: &&Candidate| even(&responses[c.response].start);
-            let closed = |c: &Candidate| at([&state.fit.point.x[..], &responses[c.response].start.values].concat());
-            return candidates.iter().filter(even).step_by(2).filter_map(closed).collect();
+            return candidates.iter().filter(even).step_by(2).filter_map(|c| at(beside(&state.fit.point.x, c))).collect();
         }
         // The model bends its parameters to what the effect does; where they are otherwise known they may be nearer to the truth.
         let rough = self.setting.rough.as_deref().filter(|_| state.effects.is_empty() && !responses[candidates[0].response].start.linear);
         let unbent = field.unbent.or(rough).and_then(|z| {
             let every = candidates.len().div_ceil(UNBENT);
-            let tried = candidates.iter().step_by(every).filter_map(|c| at([z, &responses[c.response].start.values[..]].concat()));
+            let tried = candidates.iter().step_by(every).filter_map(|c| at(beside(z, c)));
             tried.reduce(|a, b| if b.value > a.value { b } else { a })
         });
         let mut entered: Vec<Racing<'s, 'a>> = bold.into_iter().chain(gentle).collect();

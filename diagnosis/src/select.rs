@@ -12,7 +12,7 @@ use crate::diagnose::Known;
 use crate::fit::Fitted;
 use crate::fit::algebra::Directions;
 use crate::fit::base::renew;
-use crate::fit::search::{Effort, Fit, evaluate, maximise};
+use crate::fit::search::{Effort, Fit, evaluate, left, maximise};
 use crate::fit::setting::{Point, Runner, Setting};
 use crate::fit::whitening::Whitening;
 use crate::noise::Noise;
@@ -359,13 +359,14 @@ impl<'a> Search<'a> {
     /// The selection, contested again under noise that is louder where the robot accelerates, if stamps jitter: there scatter makes evidence
     /// for whatever acts while the robot accelerates.
     pub(crate) fn unjittered(&self, selected: Selected, first: &[Response]) -> Selected {
-        let Setting { data, scene, layout, measured, .. } = &self.setting;
+        let Setting { data, scene, layout, .. } = &self.setting;
         let Selected { state, whitening, .. } = &selected;
         if state.effects.len() == self.fixed(&selected) {
             return selected;
         }
-        let Some(factors) = unjittered(data, scene, &layout.series(&state.fit.simulated), &whitening.noise) else { return selected };
-        let residual: Vec<f64> = measured.iter().zip(&state.fit.simulated).map(|(y, s)| y - s).collect();
+        let residual = left(&self.setting, &state.fit.simulated);
+        let (run, rest) = (layout.series(&state.fit.simulated), layout.series(&residual));
+        let Some(factors) = unjittered(data, scene, &run, rest, &whitening.noise) else { return selected };
         let noise = whitening.noise.evened(&residual, layout, &factors);
         let under = |effects: &[usize], fit: &Fit, effort| self.under(effects, fit, &noise, effort);
         let (Some((whitening, fit)), Some((_, base))) = (under(&state.effects, &state.fit, FINAL), under(&[], &selected.base, COMPARING))
@@ -397,15 +398,9 @@ impl<'a> Search<'a> {
             let (rest, refined) = self.replacements(selected, member, first);
             let present = self.worth(selected, &rest);
             let better = refined.first().filter(|b| exchanged < MOST && b.score > present + EXCHANGE);
-            if let Some(next) = better.and_then(|best| self.replaced(selected, &rest, best)) {
-                *selected = next;
-                selected.rivals = vec![Vec::new(); fixed];
-                newest = None;
-                exchanged += 1;
-                member = fixed;
-                continue;
-            }
-            if let Some(next) = self.pruned(selected, &rest, present) {
+            let replaced = better.and_then(|best| self.replaced(selected, &rest, best));
+            exchanged += usize::from(replaced.is_some());
+            if let Some(next) = replaced.or_else(|| self.pruned(selected, &rest, present)) {
                 *selected = next;
                 selected.rivals = vec![Vec::new(); fixed];
                 newest = None;

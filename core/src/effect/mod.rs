@@ -165,8 +165,8 @@ pub struct Motion<'a> {
 
 /// Physics that a model leaves out. Plain data with its settings, picked by `type = "NAME"`, as a solver is.
 ///
-/// An effect implements the hooks of its [`stage`](Self::stage) and no other, unless it [`senses`](Self::senses) too. `p` are the values of its parameters in the
-/// order of [`parameters`](Self::parameters), `state` its own numbers, which start at
+/// An effect implements the hooks of its [`stage`](Self::stage) and no other, unless it [`senses`](Self::senses) too. `p` are
+/// the values of its parameters in the order of [`parameters`](Self::parameters), `state` its own numbers, which start at
 /// [`begin`](Self::begin). A hook allocates nothing and returns finite numbers for finite arguments within bounds.
 #[typetag::serde]
 pub trait Effect: Debug + Send + Sync {

@@ -16,8 +16,8 @@ pub use lattice::{Counts, Lattice};
 pub use orders::OrderLine;
 pub use structure::Structure;
 
+use wheelwright_core::Dataset;
 use wheelwright_core::effect::Scene;
-use wheelwright_core::{Dataset, Stretch};
 
 use crate::comparison::{Channels, Comparison};
 use crate::noise::Noise;
@@ -83,16 +83,11 @@ impl Adequacy {
     }
 }
 
-/// Whether stamps jitter beside a free run, and then, by output, the factor of each row that brings its innovation back to the size it has
-/// without jitter.
-pub(crate) fn unjittered(data: &Dataset, scene: &Scene, run: &[Channels], noise: &Noise) -> Option<Vec<Vec<f64>>> {
-    let whitened = |(s, (stretch, run)): (usize, (&Stretch, &Channels))| {
-        let left = stretch.outputs.iter().zip(run).map(|(y, x)| y.iter().zip(x).map(|(y, x)| y - x).collect());
-        let mut left: Channels = left.collect();
-        noise.whiten(s, &mut left);
-        left
-    };
-    let white: Vec<Channels> = data.stretches.iter().zip(run).enumerate().map(whitened).collect();
+/// Whether stamps jitter beside a free run that leaves `left`, and then, by output, the factor of each row that brings its innovation back to
+/// the size it has without jitter.
+pub(crate) fn unjittered(data: &Dataset, scene: &Scene, run: &[Channels], left: Vec<Channels>, noise: &Noise) -> Option<Vec<Vec<f64>>> {
+    let mut white = left;
+    white.iter_mut().enumerate().for_each(|(s, left)| noise.whiten(s, left));
     let comparison = Comparison {
         data,
         scene,

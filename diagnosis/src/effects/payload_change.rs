@@ -76,10 +76,10 @@ impl Effect for PayloadChange {
     /// The same change at other times nearby: while the robot does not accelerate, the time of change does not show, so that the
     /// likelihood has a maximum for every acceleration.
     fn detours(&self, values: &[f64], scene: &Scene) -> Vec<Vec<f64>> {
-        let (first, last) = scene.scales.time;
+        let ((first, last), (earliest, latest)) = (scene.scales.time, self.parameters(scene)[0].bounds);
         let at = |share: f64| {
-            let (time, margin) = (values[0] + share * (last - first), MARGIN * (last - first));
-            (first + margin..=last - margin).contains(&time).then(|| [&[time], &values[1..]].concat())
+            let time = values[0] + share * (last - first);
+            (earliest..=latest).contains(&time).then(|| [&[time], &values[1..]].concat())
         };
         NEARBY.iter().flat_map(|share| [-share, *share]).filter_map(at).collect()
     }

@@ -125,7 +125,7 @@ pub(crate) fn evaluate(setting: &Setting<'_>, runner: &mut Runner<'_, '_>, white
 }
 
 /// What a free run leaves of the measurement, flat.
-fn left(setting: &Setting<'_>, simulated: &[f64]) -> Vec<f64> {
+pub(crate) fn left(setting: &Setting<'_>, simulated: &[f64]) -> Vec<f64> {
     setting.measured.iter().zip(simulated).map(|(y, s)| y - s).collect()
 }
 

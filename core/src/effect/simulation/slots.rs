@@ -46,12 +46,12 @@ impl<'a> Slots<'a> {
                 |(i, p): (usize, &EffectParameter)| p.neutral.or_else(|| start.as_ref().and_then(|s| s.get(i).copied())).unwrap_or(p.scale);
             let values: Vec<f64> = parameters.iter().enumerate().map(value).collect();
             let range = states..states + effect.states(scene);
-            slots.push(Slot { effect, first, values, states: range.clone(), stage: effect.stage(), senses: false });
+            let stage = effect.stage();
+            slots.push(Slot { effect, first, values, states: range.clone(), stage, senses: stage > Stage::Drive || effect.senses() });
             first += parameters.len();
             states = range.end;
         }
         slots.sort_by_key(|s| s.stage);
-        slots.iter_mut().for_each(|s| s.senses = s.stage > Stage::Drive || s.effect.senses());
         let before = |end: &dyn Fn(Stage) -> bool| slots.partition_point(|s| end(s.stage));
         let commands = 0..before(&|s| s.place() == Place::Command);
         let loads = commands.end..before(&|s| s <= Stage::Load);
