@@ -11,13 +11,17 @@ const PERIOD: f64 = 0.05;
 /// Long after which a program that should have ended has not.
 pub(super) const PATIENCE: Duration = Duration::from_secs(60);
 
-pub(super) const CONFIG: &str = r#"
+/// A robot without a wire.
+const SIMULATOR: &str = r#"
 [robot]
 type = "simulator"
 robot = "pioneer-3dx"
 realtime = true
 period = 0.05
+"#;
 
+/// What each of the program's ways asks for beside a robot and a course.
+const WAYS: &str = r#"
 [excitation]
 type = "thesis-pioneer"
 
@@ -25,6 +29,17 @@ type = "thesis-pioneer"
 type = "vw-pd"
 theta = [0.2183, 0.1918, -0.0050, 0.9993, -0.0279, 1.0142]
 
+[source]
+period = 0.1
+model = { type = "vw-pd", theta = [0.2183, 0.1918, -0.0050, 0.9993, -0.0279, 1.0142] }
+controller = { type = "inverse-dynamics", k = [0.8, 2.0, 0.8], kv = 1.5, kw = 1.5 }
+
+[migrate]
+compare = false
+"#;
+
+/// A course longer than any test, begun at once.
+pub(super) const COURSE: &str = r#"
 [trajectory]
 type = "circle"
 radius = 1.0
@@ -39,17 +54,14 @@ kw = 1.5
 [track]
 duration = 60.0
 
-[source]
-period = 0.1
-model = { type = "vw-pd", theta = [0.2183, 0.1918, -0.0050, 0.9993, -0.0279, 1.0142] }
-controller = { type = "inverse-dynamics", k = [0.8, 2.0, 0.8], kv = 1.5, kw = 1.5 }
-
-[migrate]
-compare = false
-
 [record]
 countdown = 0.0
 "#;
+
+/// A configuration for every way to drive the simulator.
+pub(super) fn simulated() -> String {
+    format!("{SIMULATOR}{WAYS}{COURSE}")
+}
 
 /// The program's ways to drive a robot, with the folder below `out` in which each leaves its first recording.
 pub(super) const RECORD: Way = ("record", "");
@@ -68,7 +80,7 @@ pub(super) struct Driving {
 impl Driving {
     /// Starts driving.
     fn start(way: Way, before: &str, more: &str) -> Self {
-        Self::start_with(CONFIG, way, before, more)
+        Self::start_with(&simulated(), way, before, more)
     }
 
     pub(super) fn start_with(config: &str, (verb, below): Way, before: &str, more: &str) -> Self {
@@ -296,8 +308,7 @@ fn a_link_that_is_lost_while_tracking_is_said_and_the_rows_are_kept() {
         assert!(listening.elapsed() < PATIENCE, "the emulator does not listen");
         std::thread::sleep(Duration::from_millis(20));
     }
-    let (_, rest) = CONFIG.split_once("[excitation]").unwrap();
-    let config = format!("[robot]\ntype = \"pioneer\"\ntcp = \"127.0.0.1:{port}\"\n[limits]\ndeadline = 5.0\n[excitation]{rest}");
+    let config = format!("[robot]\ntype = \"pioneer\"\ntcp = \"127.0.0.1:{port}\"\n[limits]\ndeadline = 5.0\n{WAYS}{COURSE}");
     let mut driving = Driving::start_with(&config, TRACK, "", "");
     driving.wait_for_rows(20);
     emulator.kill().unwrap();
@@ -314,7 +325,7 @@ fn a_link_that_is_lost_while_tracking_is_said_and_the_rows_are_kept() {
 #[test]
 fn a_second_recording_leaves_the_first_alone() {
     let folder = tempfile::tempdir().unwrap();
-    std::fs::write(folder.path().join("c.toml"), CONFIG.replace("realtime = true", "realtime = false")).unwrap();
+    std::fs::write(folder.path().join("c.toml"), simulated().replace("realtime = true", "realtime = false")).unwrap();
     let record = || {
         let program = env!("CARGO_BIN_EXE_wheelwright");
         let arguments = ["record", "c.toml", "--out", "out", "--quiet", "--set", "excitation.duration=5.0"];

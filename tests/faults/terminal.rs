@@ -10,7 +10,7 @@ use rustix::fs::{Mode, OFlags};
 use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
 use rustix::termios::{LocalModes, Winsize, tcgetattr, tcsetwinsize};
 
-use super::signals::{CONFIG, PATIENCE, readable};
+use super::signals::{PATIENCE, readable, simulated};
 
 /// As a held key repeats.
 const REPEAT: Duration = Duration::from_millis(30);
@@ -43,7 +43,7 @@ impl Session {
             }
         });
         let folder = tempfile::tempdir().unwrap();
-        std::fs::write(folder.path().join("c.toml"), CONFIG).unwrap();
+        std::fs::write(folder.path().join("c.toml"), simulated()).unwrap();
         // Its own session, whose terminal this is, so that ctrl-C is a signal.
         let mut command = Command::new("setsid");
         command.args(["--ctty", env!("CARGO_BIN_EXE_wheelwright"), "record", "c.toml", "--out", "out", "--dead-man"]);

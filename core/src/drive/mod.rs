@@ -5,19 +5,21 @@
 //!
 //! [`steer`] is the loop, for whatever decides commands; [`drive`] is the same for an excitation. Everything that keeps it safe is
 //! a small type of its own: [`limits`] hold commands back, [`floor`] foresees where the robot would come to rest, [`guard`] doubts
-//! what the robot says, a [`dead_man`] switch has to be held, [`sink`]s keep each row before its command is sent.
+//! what the robot says, a [`dead_man`] switch has to be held, [`sink`]s keep each row before its command is sent, and a robot in real
+//! time is stopped at the deadline whatever law, sink or observer is still at work.
 
 pub mod dead_man;
 mod fault;
 pub mod floor;
 pub mod guard;
+mod keeper;
 pub mod limits;
 pub mod sink;
 pub mod watchdog;
 
 use std::ops::ControlFlow;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use crate::excitation::Excitation;
 use crate::profile::Limits;
@@ -28,6 +30,7 @@ pub use dead_man::DeadMan;
 pub use fault::{DriveError, DriveFault};
 pub use floor::{Floor, FloorWatch, Leaving};
 pub use guard::Guard;
+use keeper::minded;
 pub use limits::{Bite, LimitError, Limiter, Wheels};
 pub use sink::{RowSink, Rows, SinkError};
 pub use watchdog::Watchdog;
@@ -186,7 +189,7 @@ fn cycles(
     let mut guard = Guard::begin(robot.inputs(), robot.outputs(), period, safety.frozen, start, &measured)?;
     let (mut t, mut since, mut steps) = (0.0, period, 0_usize);
     let outcome = loop {
-        let going = match law(t, &measured, &mut command) {
+        let going = match clock.mind(robot, t, || law(t, &measured, &mut command)) {
             Ok(going) => going,
             Err(fault) => break Err(fault),
         };
@@ -198,11 +201,9 @@ fn cycles(
         robot.executed(&mut row[..inputs]);
         row[inputs..].copy_from_slice(&measured);
         rows.push(t, &row);
-        if let Err(error) = options.sinks.iter_mut().try_for_each(|sink| sink.row(t, &row)) {
-            break Err(error.into());
-        }
-        if let Some(observer) = options.observer.as_mut() {
-            observer(&DriveProgress { t, duration, command: &command, measured: &measured, bites: limiter.bites(), distance: None });
+        let progress = DriveProgress { t, duration, command: &command, measured: &measured, bites: limiter.bites(), distance: None };
+        if let Err(fault) = clock.mind(robot, t, || tell(options, &row, &progress)) {
+            break Err(fault);
         }
         // Half a period of grace: a sum of periods seldom hits the duration to the last bit.
         if going.is_break() || t > duration - 0.5 * period {
@@ -227,6 +228,15 @@ fn cycles(
     remarks.extend(limiter.bites().iter().map(Bite::statement));
     remarks.extend(robot.warnings());
     outcome
+}
+
+/// Keeps a row, then shows it.
+fn tell(options: &mut DriveOptions<'_>, row: &[f64], progress: &DriveProgress<'_>) -> Result<(), DriveFault> {
+    options.sinks.iter_mut().try_for_each(|sink| sink.row(progress.t, row))?;
+    if let Some(observer) = options.observer.as_mut() {
+        observer(progress);
+    }
+    Ok(())
 }
 
 /// Whoever may end a drive between two commands.
@@ -279,11 +289,30 @@ impl Pace {
         self.came = Instant::now();
     }
 
+    /// Does a part of the work between a measurement and its command; at the deadline the robot is stopped beside it.
+    fn mind<T>(&self, robot: &mut Live, t: f64, work: impl FnOnce() -> Result<T, DriveFault>) -> Result<T, DriveFault> {
+        if !self.real_time {
+            return work();
+        }
+        let left = (self.deadline - self.late()).max(0.0);
+        // A deadline longer than any duration is none.
+        let (worked, stopped) = minded(robot, Duration::try_from_secs_f64(left).unwrap_or(Duration::MAX), work);
+        if stopped { worked.and(Err(self.missed(t))) } else { worked }
+    }
+
+    /// Time since the last measurement \[s\].
+    fn late(&self) -> f64 {
+        self.came.elapsed().as_secs_f64()
+    }
+
+    fn missed(&self, t: f64) -> DriveFault {
+        DriveFault::Deadline { late_s: self.late(), limit_s: self.deadline, t }
+    }
+
     /// Holds the command for a period, unless it is too late for it.
     fn step(&mut self, robot: &mut Live, t: f64, command: &[f64], measured: &mut [f64]) -> Result<f64, DriveFault> {
-        let late_s = self.came.elapsed().as_secs_f64();
-        if self.real_time && late_s > self.deadline {
-            return Err(DriveFault::Deadline { late_s, limit_s: self.deadline, t });
+        if self.real_time && self.late() > self.deadline {
+            return Err(self.missed(t));
         }
         let sent = Instant::now();
         let time = robot.step(command, measured)?;

@@ -1,11 +1,14 @@
 //! Driving robots that behave and robots that do not.
 
+use std::cell::Cell;
+use std::ops::ControlFlow;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::time::{Duration, Instant};
 
 use serde::{Deserialize, Serialize};
 use wheelwright_core::channel::{self, Channel};
-use wheelwright_core::drive::{DriveError, DriveFault, DriveOptions, DriveProgress, drive};
+use wheelwright_core::drive::{DriveError, DriveFault, DriveOptions, DriveProgress, Safety, drive, steer};
 use wheelwright_core::excitation::{Excitation, ExcitationError};
 use wheelwright_core::robot::{Live, Robot, RobotError};
 
@@ -206,6 +209,40 @@ fn a_panic_stops_the_robot() {
             std::panic::catch_unwind(std::panic::AssertUnwindSafe(move || drive(&mut robot, &signal, DriveOptions::default()).map(drop)));
         assert!(outcome.is_err());
         assert_eq!(stops.load(Ordering::Relaxed), 1, "{flaw:?}");
+    }
+}
+
+/// Waits for a stop while the drive waits for it.
+fn stopped_meanwhile(stops: &AtomicUsize) -> bool {
+    let begun = Instant::now();
+    while stops.load(Ordering::Relaxed) == 0 && begun.elapsed() < Duration::from_secs(20) {
+        std::thread::sleep(Duration::from_millis(1));
+    }
+    stops.load(Ordering::Relaxed) == 1
+}
+
+#[test]
+fn a_robot_is_stopped_at_the_deadline_beside_a_law_or_a_view_that_does_not_return() {
+    let safety = Safety { deadline: Some(0.5), ..Safety::default() };
+    for law_hangs in [true, false] {
+        let (mut robot, stops) = fake(Flaw::None);
+        let stood = Cell::new(false);
+        let wait = |hangs: bool, t: f64| {
+            if hangs && t > 0.25 {
+                stood.set(stopped_meanwhile(&stops));
+            }
+        };
+        let mut law = |t: f64, _: &[f64], command: &mut [f64]| {
+            command[0] = 1.0;
+            wait(law_hangs, t);
+            Ok(ControlFlow::Continue(()))
+        };
+        let mut observer = |p: &DriveProgress<'_>| wait(!law_hangs, p.t);
+        let options = DriveOptions { safety, observer: Some(&mut observer), ..DriveOptions::default() };
+        let error = steer(&mut robot, 1.0, &mut law, options).unwrap_err();
+        assert!(stood.get(), "nobody stopped the robot; the law hangs: {law_hangs}");
+        assert!(matches!(error.fault, DriveFault::Deadline { limit_s: 0.5, .. }), "{error}");
+        assert_eq!(rows(&error), if law_hangs { 3 } else { 4 });
     }
 }
 
