@@ -87,7 +87,7 @@ pub(crate) static CASES: [Case; 31] = [
             let (first, last) = (log.rms(0.0, 62.8).unwrap_or(f64::NAN), log.rms(3078.7, 3141.6).unwrap_or(f64::NAN));
             let off = worst(&ends(r, "Fig 4.2"), &TRUE, |e, t| (e - t).abs());
             (
-                format!("round 1 {}, round 50 {}; parameters end within {off:.4}", metres(first), metres(last)),
+                format!("round 1: {}, round 50: {}; parameters end within {off:.4}", metres(first), metres(last)),
                 Verdict::of(last < 0.1 * first && off < 0.05),
             )
         },

@@ -16,8 +16,11 @@ use crate::report::table::{Table, facts};
 const PLANE: f64 = 560.0;
 /// Pictures beside each other where there is room.
 const BESIDE: &str = "display:grid;grid-template-columns:repeat(auto-fit,minmax(24em,1fr));gap:0 1.5em";
-/// Points that a curve in the plane keeps.
-const CURVE: usize = 1500;
+/// Points that a curve in the plane keeps at most, and how near they are to each other at least [CSS pixels].
+const CURVE: f64 = 8000.0;
+const NEAR: f64 = 2.0;
+/// Width that is left for a label of the plane [CSS pixels].
+const LABEL: f64 = 48.0;
 /// Rows kept of several runs on one axis.
 const SHARED: usize = 1200;
 /// Errors below this are not told apart on a logarithmic axis \[m\].
@@ -166,12 +169,18 @@ impl Frame {
     }
 
     fn curve(&self, points: &[[f64; 2]], colour: &str, style: &str) -> String {
-        let every = points.len().div_ceil(CURVE).max(1);
+        let places: Vec<(f64, f64)> = points.iter().filter(|p| p.iter().all(|x| x.is_finite())).map(|p| self.at(*p)).collect();
+        let far = |a: &(f64, f64), b: &(f64, f64)| (a.0 - b.0).hypot(a.1 - b.1);
+        let length: f64 = places.windows(2).map(|pair| far(&pair[0], &pair[1])).sum();
+        let apart = (length / CURVE).max(NEAR);
+        let mut kept: Option<&(f64, f64)> = None;
         let mut path = String::new();
-        for p in points.iter().step_by(every).chain(points.last()).filter(|p| p.iter().all(|x| x.is_finite())) {
-            let (x, y) = self.at(*p);
-            // Writing to a String cannot fail.
-            let _ = write!(path, "{x:.1},{y:.1} ");
+        for (i, place) in places.iter().enumerate() {
+            if i + 1 == places.len() || kept.is_none_or(|kept| far(kept, place) >= apart) {
+                // Writing to a String cannot fail.
+                let _ = write!(path, "{:.1},{:.1} ", place.0, place.1);
+                kept = Some(place);
+            }
         }
         format!("<polyline points=\"{}\" style=\"fill:none;stroke:var({colour});{style}\"/>", path.trim_end())
     }
@@ -192,11 +201,10 @@ impl Frame {
                     0 => (format!("M{x:.1},0V{height:.1}"), format!("x=\"{:.1}\" y=\"{:.1}\"", x + 3.0, height - 4.0)),
                     _ => (format!("M0,{y:.1}H{width:.1}"), format!("x=\"3\" y=\"{:.1}\"", y - 3.0)),
                 };
-                let _ = write!(
-                    grid,
-                    "<path d=\"{line}\" style=\"stroke:var(--rule);stroke-width:1\"/>\
-                     <text {place} style=\"fill:var(--soft);font-size:11px\">{label}{THIN}m</text>"
-                );
+                let _ = write!(grid, "<path d=\"{line}\" style=\"stroke:var(--rule);stroke-width:1\"/>");
+                if axis == 1 || x + LABEL < width {
+                    let _ = write!(grid, "<text {place} style=\"fill:var(--soft);font-size:11px\">{label}{THIN}m</text>");
+                }
             }
         }
         let caption = escape(caption);
@@ -307,4 +315,27 @@ fn velocities(recording: &Recording) -> String {
         Some(plot.html())
     };
     axis("v", "m/s").unwrap_or_default() + &axis("omega", "rad/s").unwrap_or_default()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn fifty_rounds_of_a_circle_stay_round() {
+        let points: Vec<[f64; 2]> =
+            (0..150_000).map(|i| (i as f64 / 3000.0 * std::f64::consts::TAU).sin_cos()).map(|(s, c)| [c, s]).collect();
+        let frame = Frame::around(points.iter()).unwrap();
+        let drawn = frame.curve(&points, "--x", "");
+        let text = drawn.split('"').nth(1).unwrap();
+        let read = |pair: &str| pair.split_once(',').map(|(x, y)| [x, y].map(|t| t.parse::<f64>().unwrap())).unwrap();
+        let kept: Vec<[f64; 2]> = text.split_whitespace().map(read).collect();
+        assert!(kept.len() as f64 <= CURVE + 2.0, "{}", kept.len());
+        let (centre, radius) = (frame.at([0.0, 0.0]), frame.scale);
+        for pair in kept.windows(2) {
+            let middle = [0, 1].map(|i| 0.5 * (pair[0][i] + pair[1][i]));
+            let off = (middle[0] - centre.0).hypot(middle[1] - centre.1) - radius;
+            assert!(off.abs() < 0.5, "a chord is {off} pixels off");
+        }
+    }
 }

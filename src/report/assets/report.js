@@ -8,13 +8,16 @@
   const groups = new Map();
 
   const colour = (name) => getComputedStyle(root).getPropertyValue("--" + name).trim();
-  const minus = (text) => text.replace("-", "−");
+  const minus = (text) => text.replaceAll("-", "−");
 
-  // Labels of a linear axis: as many decimals as the distance between ticks needs.
+  // Labels of a linear axis: as many decimals as the distance between ticks needs, or powers where these would be many.
+  const MOST_DECIMALS = 5;
   const linearTicks = (u, splits, axis, space, step) => {
     let decimals = 0;
     while (decimals < 12 && Math.abs(step * 10 ** decimals - Math.round(step * 10 ** decimals)) > 1e-6 * step * 10 ** decimals) decimals += 1;
-    return splits.map((v) => (v == null ? "" : minus((Math.abs(v) < step / 1e6 ? 0 : v).toFixed(decimals))));
+    const small = (v) => v.toExponential(Math.max(0, Math.floor(Math.log10(Math.abs(v)) + 1e-9) + decimals));
+    const text = (v) => (decimals <= MOST_DECIMALS ? v.toFixed(decimals) : v === 0 ? "0" : small(v));
+    return splits.map((v) => (v == null ? "" : minus(text(Math.abs(v) < step / 1e6 ? 0 : v))));
   };
 
   // Labels of a logarithmic axis: powers of ten, or plain numbers where fewer than two powers are in view.
@@ -149,7 +152,7 @@
         scales: { x: { time: false, distr: plot.x.log ? 3 : 1 }, y: panel.y.log ? { distr: 3 } : { range: within(panel.limits || [-Infinity, Infinity]) } },
         axes: [
           { ...axis(plot.x), size: 30, labelSize: 20, space: narrow ? 45 : 60, ...(last ? {} : { label: null, size: 12, values: (u, s) => s.map(() => "") }) },
-          { ...axis(panel.y), size: 54, labelSize: 18, space: panel.height < 180 ? 20 : 28 },
+          { ...axis(panel.y), size: 66, labelSize: 18, space: panel.height < 180 ? 20 : 28 },
         ],
         series: [{ label: "at", value: (u, v) => (v == null ? "" : value(u, v) + " " + unit) }, ...panel.series.map(series)],
         cursor: {
