@@ -1,5 +1,8 @@
 //! Robots, models and effects from shared libraries, good and broken, as the program meets them.
 
+#[path = "../../plugin/tests/suite/support/built.rs"]
+mod built;
+
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
 
@@ -9,10 +12,6 @@ use rand_distr::StandardNormal;
 use serde_json::Value;
 
 use crate::library;
-
-fn root() -> &'static Path {
-    Path::new(env!("CARGO_MANIFEST_DIR"))
-}
 
 /// Compiles a C plugin into `folder`; `None` without a C compiler.
 fn compile(source: &str, folder: &Path) -> Option<PathBuf> {
@@ -50,22 +49,9 @@ fn a_robot_in_c_is_driven_and_identified_like_a_built_in() {
 
 #[test]
 fn a_robot_and_a_model_in_rust_work_together() {
-    let target = Path::new(env!("CARGO_TARGET_TMPDIR")).parent().unwrap();
-    let output = Command::new(env!("CARGO"))
-        .args(["build", "-p", "wheelwright-example-plugin", "--message-format=json", "--target-dir"])
-        .arg(target)
-        .current_dir(root())
-        .stderr(Stdio::inherit())
-        .output()
-        .unwrap();
-    assert!(output.status.success());
-    let messages = String::from_utf8(output.stdout).unwrap();
-    let built = messages.lines().filter_map(|l| serde_json::from_str::<Value>(l).ok()).find_map(|m| {
-        let named = m["target"]["name"].as_str() == Some("wheelwright_example_plugin");
-        named.then(|| m["filenames"][0].as_str().map(str::to_owned)).flatten()
-    });
+    let built = built::rust_library("wheelwright_example_plugin");
     let folder = tempfile::tempdir().unwrap();
-    std::fs::copy(built.unwrap(), folder.path().join("libplugin.so")).unwrap();
+    std::fs::copy(built, folder.path().join("libplugin.so")).unwrap();
     let output = run(folder.path(), &config("type = \"second-order-base\""), &[]);
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     let document: Value = serde_json::from_slice(&output.stdout).unwrap();

@@ -1,6 +1,8 @@
 //! Builds the plugins that the tests load.
 #![allow(dead_code, reason = "each test program uses its own part")]
 
+mod built;
+
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::sync::OnceLock;
@@ -63,39 +65,14 @@ pub(crate) fn broken(defines: &[&str]) -> PathBuf {
     compile("plugin/tests/broken/broken.c", defines, &format!("broken-{count}"))
 }
 
-/// Builds a Rust library with the cargo that runs the tests, in the same target directory, and asks cargo where it is.
-pub(crate) fn cargo_library(arguments: &[&str]) -> PathBuf {
-    let target = Path::new(env!("CARGO_TARGET_TMPDIR")).parent().unwrap();
-    let output = Command::new(env!("CARGO"))
-        .args(["build", "--message-format=json", "--target-dir"])
-        .arg(target)
-        .args(arguments)
-        .args(if cfg!(debug_assertions) { [].as_slice() } else { ["--release"].as_slice() })
-        .current_dir(workspace())
-        .stderr(Stdio::inherit())
-        .output()
-        .unwrap();
-    assert!(output.status.success(), "cargo build {arguments:?} failed");
-    let text = String::from_utf8(output.stdout).unwrap();
-    let messages = text.lines().filter_map(|line| serde_json::from_str::<serde_json::Value>(line).ok());
-    let mut files = messages.filter_map(|message| {
-        let cdylib =
-            message["reason"] == "compiler-artifact" && message["target"]["crate_types"].as_array()?.iter().any(|kind| kind == "cdylib");
-        cdylib.then(|| PathBuf::from(message["filenames"][0].as_str().unwrap()))
-    });
-    files.next_back().expect("cargo names the library")
-}
-
 /// The example plugin in Rust.
 pub(crate) fn rust_example() -> PathBuf {
-    static BUILT: OnceLock<PathBuf> = OnceLock::new();
-    BUILT.get_or_init(|| cargo_library(&["-p", "wheelwright-example-plugin"])).clone()
+    built::rust_library("wheelwright_example_plugin")
 }
 
 /// The Rust plugin that panics.
 pub(crate) fn panicking() -> PathBuf {
-    static BUILT: OnceLock<PathBuf> = OnceLock::new();
-    BUILT.get_or_init(|| cargo_library(&["-p", "wheelwright-plugin", "--example", "panicking"])).clone()
+    built::rust_library("panicking")
 }
 
 /// Loads with limits that a busy machine keeps.
