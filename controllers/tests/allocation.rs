@@ -1,15 +1,14 @@
 //! A step of the adaptive controller allocates nothing, the trajectory included.
 
 #![allow(clippy::unwrap_used)]
-#![allow(unsafe_code, reason = "an allocator that counts is unsafe to write; it hands everything on to the system's")]
 
 #[path = "suite/common/mod.rs"]
 mod common;
-
-use std::alloc::{GlobalAlloc, Layout, System};
-use std::cell::Cell;
+#[path = "../../core/tests/support/counting.rs"]
+mod counting;
 
 use common::{KHEPERA, adaptive, pd_subject};
+use counting::allocations;
 use toml::Table;
 use wheelwright_controllers::adaptation::Projection;
 use wheelwright_controllers::law::Sigma;
@@ -18,27 +17,6 @@ use wheelwright_core::config;
 use wheelwright_core::controller::{ControllerConfig, Observation, Subject};
 use wheelwright_core::profile::Limits;
 use wheelwright_core::trajectory::{Envelope, TrajectoryConfig};
-
-thread_local! {
-    static ALLOCATIONS: Cell<usize> = const { Cell::new(0) };
-}
-
-struct Counting;
-
-// SAFETY: every call is handed on to the system's allocator unchanged.
-unsafe impl GlobalAlloc for Counting {
-    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
-        let _ = ALLOCATIONS.try_with(|count| count.set(count.get() + 1));
-        unsafe { System.alloc(layout) }
-    }
-
-    unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
-        unsafe { System.dealloc(pointer, layout) }
-    }
-}
-
-#[global_allocator]
-static COUNTING: Counting = Counting;
 
 #[test]
 fn a_step_allocates_nothing() {
@@ -63,14 +41,13 @@ fn a_step_allocates_nothing() {
             let mut controller = controller.build(&subject).unwrap();
             let (mut command, pose) = ([0.0; 2], [0.1, 0.2, 0.3]);
             let outputs = vec![0.1; controller.outputs().len()];
-            let before = ALLOCATIONS.get();
-            for k in 0..1000 {
-                let t = 0.02 * f64::from(k);
-                controller.step(&Observation { t, reference: trajectory.at(t), pose, outputs: &outputs }, &mut command);
-            }
-            assert_eq!(ALLOCATIONS.get() - before, 0);
+            let made = allocations(|| {
+                for k in 0..1000 {
+                    let t = 0.02 * f64::from(k);
+                    controller.step(&Observation { t, reference: trajectory.at(t), pose, outputs: &outputs }, &mut command);
+                }
+            });
+            assert_eq!(made, 0);
         }
     }
-    let boxed = Box::new(ALLOCATIONS.get());
-    assert_eq!(ALLOCATIONS.get() - *boxed, 1, "the counter counts");
 }

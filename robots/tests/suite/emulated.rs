@@ -1,6 +1,10 @@
 //! The drivers against the emulators over real sockets and terminals: theta through the wire, and what goes wrong on it.
 
+use std::fs::File;
+use std::net::TcpStream;
 use std::time::{Duration, Instant};
+
+use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
 
 use crate::common::wire::{agree, emulate, identify, robot};
 use wheelwright_core::robot::{Live, RobotError};
@@ -11,20 +15,37 @@ const STEPPED_PIONEER: &str = "type = 'pioneer'\nlisten = '127.0.0.1:0'\nclock =
 
 /// A driver with ramps that no command is slower than.
 fn stepped_pioneer(emulator: &Emulator, limits: &str, more: &str) -> Live {
-    let address = emulator.address();
-    let text = format!("type = 'pioneer'\ntcp = '{address}'\nclock = 'stepped'\n{more}\n[limits]\nv_dot = 20\nomega_dot = 60\n{limits}");
+    stepped_pioneer_at(&format!("tcp = '{}'", emulator.address()), limits, more)
+}
+
+fn stepped_pioneer_at(place: &str, limits: &str, more: &str) -> Live {
+    let text = format!("type = 'pioneer'\n{place}\nclock = 'stepped'\n{more}\n[limits]\nv_dot = 20\nomega_dot = 60\n{limits}");
     robot(&text).unwrap()
 }
 
+/// A terminal whose other end is the emulator, as a serial line's is the robot. Gives its name.
+fn serial_line(emulator: &Emulator) -> String {
+    let master = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY).unwrap();
+    grantpt(&master).unwrap();
+    unlockpt(&master).unwrap();
+    let name = ptsname(&master, Vec::new()).unwrap().into_string().unwrap();
+    let (line, server) = (File::from(master), TcpStream::connect(emulator.address()).unwrap());
+    let (mut heard, mut said) = (line.try_clone().unwrap(), server.try_clone().unwrap());
+    std::thread::spawn(move || std::io::copy(&mut heard, &mut said));
+    std::thread::spawn(move || std::io::copy(&mut &server, &mut &line));
+    name
+}
+
 #[test]
-fn a_pioneer_over_tcp_has_the_same_theta_as_without_a_wire() {
+fn a_pioneer_over_tcp_or_a_serial_line_has_the_same_theta_as_without_a_wire() {
     let (direct, _) = identify(&mut robot(PIONEER).unwrap(), "vw-pd", "thesis-pioneer", 60.0);
-    for command in ["vel", "vel2"] {
+    for (command, serial) in [("vel", false), ("vel2", false), ("vel", true)] {
         let emulator = emulate(STEPPED_PIONEER, PIONEER);
-        let mut robot = stepped_pioneer(&emulator, "", &format!("command = '{command}'"));
+        let place = if serial { format!("serial = '{}'", serial_line(&emulator)) } else { format!("tcp = '{}'", emulator.address()) };
+        let mut robot = stepped_pioneer_at(&place, "", &format!("command = '{command}'"));
         let begin = Instant::now();
         let (through, warnings) = identify(&mut robot, "vw-pd", "thesis-pioneer", 60.0);
-        println!("{command}: {warnings:?} {:?}", begin.elapsed());
+        println!("{command}, {place}: {warnings:?} {:?}", begin.elapsed());
         agree(command, &direct, &through, 0.002, 0.0005);
     }
 }
