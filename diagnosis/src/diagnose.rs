@@ -1,11 +1,14 @@
 //! From a question to an answer, step by step.
 
+use std::cell::Cell;
+
 use wheelwright_core::Dataset;
 use wheelwright_core::effect::{Effect, Scene, Stage};
 use wheelwright_core::simulation::Readout;
 
 use crate::answer::{Story, tell};
 use crate::beside::Beside;
+use crate::effects::digits;
 use crate::finding::Diagnosis;
 use crate::fit::base::{fit, renew};
 use crate::fit::layout::Layout;
@@ -17,6 +20,7 @@ use crate::noise::Noise;
 use crate::question::{DiagnosisError, Question};
 use crate::screen::{Response, saturate};
 use crate::select::{COMPARING, FINAL, Search, State};
+use crate::track;
 
 /// Fewest values a parameter that are needed for a noise model to mean anything.
 const FEWEST: usize = 10;
@@ -26,10 +30,12 @@ const NUMERICAL: f64 = 5e-5;
 const ACCURACY: f64 = 0.01;
 /// Evidence by which another reading of the data must be better than the ordinary one.
 const DECISIVE: f64 = 10.0;
-/// Track width that is taken where none is known and none shows \[m\].
-const ORDINARY_TRACK: f64 = 0.35;
 /// Rows beyond which a recording only costs time: pieces spread evenly over it are taken.
 const MOST_ROWS: usize = 8_000;
+
+/// What is said where the search ended before it had looked at everything.
+const STOPPED: &str = "the search ended at its limit of simulation: what further effects would explain, and what could stand in the place of those that \
+                       were found, was not looked at to the end; a shorter recording, or an earlier model given as the one to compare with, leaves more room";
 
 /// An effect that channels beside the model's tell, and the evidence for it.
 pub(crate) type Known = (Box<dyn Effect>, f64);
@@ -49,23 +55,33 @@ pub fn diagnose(question: &Question<'_>) -> Result<Diagnosis, DiagnosisError> {
             question.training.samples()
         ));
     }
-    let track = match question.track_width {
-        Some(width) => width,
-        None => {
-            warnings.push(format!(
-                "the track width is unknown: effects at the wheels are computed with {ORDINARY_TRACK} m; give `--robot` to have their sizes right"
-            ));
-            ORDINARY_TRACK
-        }
-    };
-    let scene = Scene::new(&data, question.model, track, question.wheel_radius, headings.as_deref());
-    let setting = setting(question, &data, &scene, Readout::Instantaneous);
-    let Beside { radii, track } = Beside::of(question, &scene);
+    let scene = |width: f64| Scene::new(&data, question.model, width, question.wheel_radius, headings.as_deref());
+    let mut scenes = vec![scene(question.track_width.unwrap_or(track::ORDINARY))];
+    if question.track_width.is_none() {
+        let likeliest = track::likeliest(question, setting(question, &data, &scenes[0], Readout::Instantaneous), headings.as_deref())?;
+        warnings.push(unknown_track(likeliest));
+        scenes.extend(likeliest.map(scene));
+    }
+    let scene = &scenes[scenes.len() - 1];
+    let setting = setting(question, &data, scene, Readout::Instantaneous);
+    let Beside { radii, track } = Beside::of(question, scene);
     let story = selected(setting, question, radii.as_ref())?;
-    let mut story = other_readout(story, question, &data, &scene, radii.as_ref())?;
+    let mut story = other_readout(story, question, &data, scene, radii.as_ref())?;
     story.selected = story.search.unjittered(story.selected, &story.responses);
     story.selected = judged(question, &story.search, story.selected, &story.responses);
+    if story.search.setting.exhausted() {
+        warnings.push(STOPPED.to_owned());
+    }
     tell(question, story, track, warnings)
+}
+
+/// What is said where the track width is unknown: which one is taken.
+fn unknown_track(likeliest: Option<f64>) -> String {
+    let taken = match likeliest {
+        Some(width) => format!("{} m, which fits them best", digits(width)),
+        None => format!("{} m", track::ORDINARY),
+    };
+    format!("the track width is unknown: effects at the wheels are computed with {taken}; give `--robot` to have their sizes right")
 }
 
 /// Odometry that differences counts records means over the interval, which looks like a delay of half a sample. Where being late
@@ -77,7 +93,8 @@ fn other_readout<'a>(
     scene: &'a Scene,
     known: Option<&'a Known>,
 ) -> Result<Story<'a>, DiagnosisError> {
-    if !story.search.effects(&story.selected.state.effects).into_iter().any(late) || !story.barely_late() {
+    let late = story.search.effects(&story.selected.state.effects).into_iter().any(late) && story.barely_late();
+    if !late || story.search.setting.exhausted() {
         return Ok(story);
     }
     let mut other = setting(question, data, scene, Readout::IntervalMean);
@@ -147,12 +164,31 @@ fn setting<'a>(question: &Question<'a>, data: &'a Dataset, scene: &'a Scene, rea
         floor: scene.scales.outputs.iter().map(|s| NUMERICAL * s).collect(),
         substeps: 1,
         tolerance: 0.0,
+        work: Cell::new(0),
+        most_steps: question.most_steps,
         layout,
     }
 }
 
-/// Base fit, noise, and the effects that the evidence asks for.
-fn selected<'a>(mut setting: Setting<'a>, question: &Question<'a>, known: Option<&'a Known>) -> Result<Story<'a>, DiagnosisError> {
+/// What the search for effects starts from.
+pub(crate) struct Surroundings<'a> {
+    pub(crate) search: Search<'a>,
+    /// The base model under white noise, and twice its log-likelihood.
+    pub(crate) rough: State,
+    first: f64,
+    /// What every effect would change.
+    pub(crate) responses: Vec<Response>,
+    /// The noise, and the base model under it.
+    pub(crate) whitening: Whitening,
+    pub(crate) base: Fit,
+}
+
+/// Base fit, noise, and what every effect would change.
+pub(crate) fn surroundings<'a>(
+    mut setting: Setting<'a>,
+    question: &Question<'a>,
+    known: Option<&'a Known>,
+) -> Result<Surroundings<'a>, DiagnosisError> {
     let rough = fit(&mut setting, question)?;
     setting.tolerance = worthwhile_accuracy(&setting, &rough);
     setting.substeps = 1;
@@ -160,9 +196,15 @@ fn selected<'a>(mut setting: Setting<'a>, question: &Question<'a>, known: Option
     let first = rough.likelihood(&setting);
     let open: Vec<usize> = (0..question.library.len()).filter(|i| question.library[*i].inapplicable(setting.scene).is_none()).collect();
     let search = Search { setting, library: question.library, open, known };
-    let state = State { effects: Vec::new(), fit: rough };
-    let responses = search.respond(&state);
-    let (whitening, base) = whitened(&search.setting, &state.fit, &responses)?;
+    let rough = State { effects: Vec::new(), fit: rough };
+    let responses = search.respond(&rough);
+    let (whitening, base) = whitened(&search.setting, &rough.fit, &responses)?;
+    Ok(Surroundings { search, rough, first, responses, whitening, base })
+}
+
+/// The effects that the evidence asks for.
+fn selected<'a>(setting: Setting<'a>, question: &Question<'a>, known: Option<&'a Known>) -> Result<Story<'a>, DiagnosisError> {
+    let Surroundings { search, first, responses, whitening, base, .. } = surroundings(setting, question, known)?;
     let known = with_known(&search, &base, &whitening);
     let selected = search.run(State { effects: Vec::new(), fit: base }, known, whitening, &responses)?;
     Ok(Story { search, selected, responses, first })

@@ -13,7 +13,7 @@ use crate::answer::{MENTIONED, always, explanation};
 use crate::holdout::{Ground, loss, shifted};
 use crate::question::Question;
 use crate::screen::Response;
-use crate::select::{Search, Selected, State};
+use crate::select::{FINAL, Search, Selected, State};
 
 /// Share of a rival's held-out excess that a better explanation may leave: the same half by which an explanation has to close it.
 const CLOSED: f64 = 0.5;
@@ -44,20 +44,17 @@ fn exchanged(bench: &Bench<'_>, search: &Search<'_>, mut selected: Selected) -> 
         // The same mathematics under every drive differs by what nobody recorded before the first sample.
         let (same, mut rivals): (Vec<_>, Vec<_>) = rivals.into_iter().partition(|r| always(found, search.effect(r.effect)).is_some());
         rivals.retain(|r| r.gap < MENTIONED);
+        // A rival was only fitted well enough to be ranked: what is left to its end counts on other data as much as a cause does.
+        rivals.iter_mut().for_each(|r| ended(search, &selected, &mut r.state));
         let mut near: Vec<(f64, _)> = rivals.into_iter().map(|r| (bench.loss(search, &r.state), r)).collect();
         let least = near.iter().map(|(loss, _)| *loss).fold(f64::INFINITY, f64::min);
         // Among those that the held-out data hold for equal the library's order decides, as it does on the training data.
         let equals = (0..near.len()).filter(|i| !bench.decisive(least, near[*i].0));
         let best = equals.min_by_key(|i| near[*i].1.effect).filter(|_| bench.decisive(least, own));
         let better = best.is_some();
-        let refitted = best.and_then(|i| {
-            let (loss, r) = near.remove(i);
-            let (_, fit) = search.under(&r.state.effects, &r.state.fit, &selected.whitening.noise, crate::select::FINAL)?;
-            Some((loss, r.gap, State { effects: r.state.effects, fit }))
-        });
-        if let Some((loss, gap, state)) = refitted {
-            (own, selected.state) = (loss, state);
-            near.iter_mut().for_each(|(_, r)| r.gap -= gap);
+        if let Some((loss, rival)) = best.map(|i| near.remove(i)) {
+            (own, selected.state) = (loss, rival.state);
+            near.iter_mut().for_each(|(_, r)| r.gap -= rival.gap);
             // The one that came in stands last.
             selected.rivals.remove(member);
             selected.rivals.push(Vec::new());
@@ -68,6 +65,13 @@ fn exchanged(bench: &Bench<'_>, search: &Search<'_>, mut selected: Selected) -> 
         member = if better { 0 } else { member + 1 };
     }
     selected
+}
+
+/// Fits a model to the end, under the noise of the selection.
+fn ended(search: &Search<'_>, selected: &Selected, state: &mut State) {
+    if let Some((_, fit)) = search.under(&state.effects, &state.fit, &selected.whitening.noise, FINAL) {
+        state.fit = fit;
+    }
 }
 
 /// Held-out data and what an explanation leaves where it was fitted.

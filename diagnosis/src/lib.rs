@@ -24,6 +24,7 @@ mod race;
 pub mod residuals;
 mod screen;
 mod select;
+mod track;
 mod untestable;
 
 pub use diagnose::diagnose;

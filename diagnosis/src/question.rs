@@ -7,6 +7,9 @@ use wheelwright_core::profile::Limits;
 use wheelwright_core::solver::SolveError;
 use wheelwright_core::{Dataset, RegressorModel};
 
+/// Steps that a search may take unless told otherwise: about ten seconds of a processor.
+const MOST_STEPS: u64 = 100_000_000;
+
 /// A recording, a model to hold against it, and what is known besides.
 #[derive(Debug, Clone)]
 pub struct Question<'a> {
@@ -40,6 +43,9 @@ pub struct Question<'a> {
     pub library: &'a [Box<dyn Effect>],
     /// Seed of whatever is random.
     pub seed: u64,
+    /// Steps of the model and of each effect in free runs after which nothing more is sought. Counted, not timed, so that the answer is the
+    /// same on any machine.
+    pub most_steps: u64,
     /// Whether to design the next experiment where the answer is ambiguous.
     pub experiment: bool,
     /// Whether to compute the NARX yardstick on the held-out data, which costs as much as a diagnosis.
@@ -65,6 +71,7 @@ impl<'a> Question<'a> {
             limits: Limits::default(),
             library,
             seed: 0,
+            most_steps: MOST_STEPS,
             experiment: true,
             yardstick: false,
         }

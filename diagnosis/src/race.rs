@@ -17,13 +17,19 @@ const RACE: [(usize, usize); 2] = [(3, 8), (5, 6)];
 /// Effects that enter where a member's place is contested: what could replace it has been seen before.
 const CONTESTANTS: usize = 8;
 /// The rounds of that race.
-const CONTEST: [(usize, usize); 2] = [(3, 5), (5, 3)];
+const CONTEST: [(usize, usize); 2] = [(3, 6), (5, 5)];
 /// Starts of an effect that are tried beside the parameters of the regression.
 const UNBENT: usize = 6;
+/// Effects that go on where the search has had its share of simulation.
+const LAST: usize = 1;
 /// Variants of one effect that may go on together.
 const VARIANTS: usize = 2;
-/// Linearised gain below which no refinement makes evidence: a free parameter gains one by chance.
-const HOPELESS: f64 = 4.0;
+/// Share of what one parameter costs that an effect's linearised gain has to reach, for a refinement to make evidence of it. Of 97 winners and
+/// equals of winners, over 58 development cases of two engines, none had been promised less than all of it.
+const PROMISING: f64 = 0.5;
+/// Share of the best linearised gain, or of what the member gains whose place is contested, below which an effect is left behind. Of the same 97
+/// none had less than 0.49.
+const BEHIND: f64 = 0.25;
 /// Refinement of a candidate: enough to rank it.
 const RANKING: Effort = Effort { trials: 14, worthwhile: 0.5, target: f64::NEG_INFINITY };
 /// How often a detour may lead on.
@@ -46,17 +52,19 @@ pub(crate) struct Field<'f> {
     rounds: [(usize, usize); 2],
     /// The model's unknowns as they are beside an effect whose place is contested: without it they bend to what it did.
     unbent: Option<&'f [f64]>,
+    /// What the member gains whose place is contested.
+    gain: f64,
 }
 
 impl<'f> Field<'f> {
     /// For a place beside a model.
     pub(crate) const fn open() -> Self {
-        Self { entrants: ENTRANTS, rounds: RACE, unbent: None }
+        Self { entrants: ENTRANTS, rounds: RACE, unbent: None, gain: 0.0 }
     }
 
-    /// For the place of a member, with the other unknowns as they are beside it.
-    pub(crate) const fn contest(unbent: &'f [f64]) -> Self {
-        Self { entrants: CONTESTANTS, rounds: CONTEST, unbent: Some(unbent) }
+    /// For the place of a member that gains so much, with the other unknowns as they are beside it.
+    pub(crate) const fn contest(unbent: &'f [f64], gain: f64) -> Self {
+        Self { entrants: CONTESTANTS, rounds: CONTEST, unbent: Some(unbent), gain }
     }
 }
 
@@ -119,13 +127,15 @@ impl<'a> Search<'a> {
         let freedom = self.freedom(&state.effects, &state.fit);
         let before = state.fit.likelihood(&self.setting);
         let closes = |c: &Vec<Candidate>| self.effect(c[0].effect).stage() == Stage::Loop;
+        let best = screened.iter().filter(|c| !closes(c)).map(|c| c[0].gain).fold(field.gain, f64::max);
+        let least = (PROMISING * self.penalty(1.0)).max(BEHIND * best);
         let mut names: Vec<&str> = Vec::new();
         let mut few = |c: &&Vec<Candidate>| {
             let name = self.effect(c[0].effect).name();
             names.push(name);
             names.iter().filter(|n| **n == name).count() <= VARIANTS
         };
-        let open = screened.iter().filter(|c| c[0].gain > HOPELESS && !closes(c)).filter(&mut few).take(field.entrants);
+        let open = screened.iter().filter(|c| c[0].gain > least && !closes(c)).filter(&mut few).take(field.entrants);
         let entrants = open.chain(screened.iter().filter(|c| closes(c)));
         let mut racing: Vec<Racing<'_, 'a>> =
             entrants.flat_map(|candidates| self.enter(state, &projection, whitening, candidates, responses, field)).collect();
@@ -133,7 +143,7 @@ impl<'a> Search<'a> {
             let effort = Effort { trials, ..RANKING };
             racing = racing.into_iter().map(|r| r.on(self, whitening, effort)).collect();
             racing.sort_by(|a, b| b.value.total_cmp(&a.value));
-            racing = thinned(racing, places);
+            racing = thinned(racing, if self.setting.exhausted() { LAST } else { places });
         }
         let mut refined: Vec<Refined> = Vec::new();
         for Racing { effect, fit: coarse, .. } in racing {

@@ -246,14 +246,14 @@ impl<'a> Search<'a> {
             Selected { base: base.fit.clone(), state: known.unwrap_or(base), whitening, rivals: Vec::new(), ranking: Vec::new() };
         selected.rivals.resize(self.fixed(&selected), Vec::new());
         for depth in 0..MOST_PARTS {
-            if self.causes(&selected.state.effects) >= MOST {
+            if self.causes(&selected.state.effects) >= MOST || self.setting.exhausted() {
                 break;
             }
             let (ranking, mut joined) = self.round(&selected, first);
             if depth == 0 {
                 selected.ranking = ranking;
             }
-            if joined.is_none() && coloured(&selected.whitening.noise) {
+            if joined.is_none() && coloured(&selected.whitening.noise) && !self.setting.exhausted() {
                 joined = self.plainly(&selected).and_then(|plain| self.round(&plain, first).1);
             }
             let Some(next) = joined else { break };
@@ -346,9 +346,17 @@ impl<'a> Search<'a> {
 
     /// The refined effects other than the one that was taken, as rivals of it.
     fn beside(&self, rest: &State, refined: &[Refined], taken: usize, score: f64) -> Vec<Rival> {
-        let others = refined.iter().filter(|r| r.effect != taken);
+        let others = refined.iter().filter(|r| r.effect != taken && !self.wider(taken, r));
         let joined = |r: &Refined| State { effects: rest.effects.iter().copied().chain([r.effect]).collect(), fit: r.fit.clone() };
         others.map(|r| Rival { effect: r.effect, state: joined(r), gap: score - r.score }).collect()
+    }
+
+    /// Whether a candidate is another effect under a wider name: a part of it does nothing.
+    fn wider(&self, than: usize, candidate: &Refined) -> bool {
+        let effect = self.effect(candidate.effect);
+        let x = &candidate.fit.point.x;
+        let own = x.len() - effect.parameters(self.setting.scene).len();
+        effect.narrower(&x[own..], self.setting.scene).is_some_and(|name| name == self.effect(than).name())
     }
 
     /// How many members are known and stay.
@@ -390,7 +398,7 @@ impl<'a> Search<'a> {
         let mut member = fixed;
         let mut exchanged = 0;
         selected.rivals = vec![Vec::new(); fixed];
-        while member < selected.state.effects.len() {
+        while member < selected.state.effects.len() && !self.setting.exhausted() {
             if let Some(rivals) = newest.take_if(|_| member + 1 == selected.state.effects.len()) {
                 selected.rivals.push(rivals);
                 break;
@@ -410,6 +418,7 @@ impl<'a> Search<'a> {
             selected.rivals.push(self.beside(&rest, &refined, selected.state.effects[member], present));
             member += 1;
         }
+        selected.rivals.resize(selected.state.effects.len(), Vec::new());
     }
 
     /// The selection without a member that the others have made superfluous: what it adds to them is not worth its parameters, or only the
@@ -442,7 +451,8 @@ impl<'a> Search<'a> {
         let screened = self.screen(&rest, &selected.whitening, &responses);
         let others: Vec<Vec<Candidate>> = screened.into_iter().filter(|c| c[0].effect != dropped).collect();
         let unbent: Vec<f64> = self.unknowns(&selected.state, &|i| i != member).map(|j| selected.state.fit.point.x[j]).collect();
-        let refined = self.refine(&rest, &selected.whitening, &others, &responses, &Field::contest(&unbent));
+        let gain = selected.state.fit.likelihood(&self.setting) - rest.fit.likelihood(&self.setting);
+        let refined = self.refine(&rest, &selected.whitening, &others, &responses, &Field::contest(&unbent, gain));
         (rest, refined)
     }
 

@@ -72,6 +72,9 @@ impl Stage {
     }
 }
 
+/// Distance from a bound that rounding leaves, as a share of a parameter's scale.
+const ROUNDING: f64 = 1e-6;
+
 /// One parameter of an effect.
 #[derive(Debug, Clone, PartialEq)]
 pub struct EffectParameter {
@@ -111,6 +114,11 @@ impl EffectParameter {
     pub fn usually(mut self, value: f64, spread: f64) -> Self {
         self.usual = Some((value, spread));
         self
+    }
+
+    /// Whether a value is neutral but for what rounding leaves of a bound.
+    pub fn is_neutral(&self, value: f64) -> bool {
+        self.neutral.is_some_and(|neutral| (value - neutral).abs() <= ROUNDING * self.scale.abs())
     }
 
     /// The same with a side or an axis.
@@ -210,6 +218,11 @@ pub trait Effect: Debug + Send + Sync {
 
     /// What fitted values say that is more than this effect: a filter that rings has something elastic in it. In a sentence; `None` if nothing.
     fn beyond(&self, _values: &[Estimate]) -> Option<String> {
+        None
+    }
+
+    /// The name of the effect that this one is with these values, where a part of it does nothing: friction at one of two wheels.
+    fn narrower(&self, _values: &[f64], _scene: &Scene) -> Option<&'static str> {
         None
     }
 

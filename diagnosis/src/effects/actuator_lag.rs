@@ -115,15 +115,22 @@ impl Effect for ActuatorLag {
         state.chunks_exact_mut(3).zip(inputs).for_each(|(state, u)| state.copy_from_slice(&[*u, *u, 0.0]));
     }
 
-    /// Steps are short while the filter runs after a new command.
+    /// Steps are short while the filter runs after a new command: of one lag, then two, then four; several lags share their steps.
     fn next_switch(&self, p: &[f64], at: &Instant<'_>, _state: &[f64]) -> f64 {
-        let counts: &[f64] = if self.resonant { &[1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0] } else { &[1.0, 3.0, 7.0] };
-        let lags = &p[..p.len() - usize::from(self.resonant)];
+        let start = at.stretch.time[at.row];
+        let elapsed = at.time - start;
         let next = |lag: &f64| {
-            let since = |count: &f64| at.stretch.time[at.row] + count * lag;
-            counts.iter().map(since).find(|t| *t > at.time + 1e-3 * lag).unwrap_or(f64::INFINITY)
+            if self.resonant {
+                let counts = [1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0];
+                counts.iter().map(|count| count * lag).find(|t| *t > elapsed + 1e-3 * lag).unwrap_or(f64::INFINITY)
+            } else if elapsed < 6.999 * lag {
+                2.0 * elapsed + lag
+            } else {
+                f64::INFINITY
+            }
         };
-        lags.iter().map(next).fold(f64::INFINITY, f64::min)
+        let lags = &p[..p.len() - usize::from(self.resonant)];
+        start + lags.iter().map(next).fold(f64::INFINITY, f64::min)
     }
 
     fn command(&self, p: &[f64], at: &Instant<'_>, _outputs: &[f64], state: &mut [f64], u: &mut [f64]) {

@@ -73,6 +73,13 @@ impl Effect for CoulombFriction {
         format!("dry friction {whose} uses up {}; the model had none", force::in_words(values[0], scene))
     }
 
+    fn narrower(&self, values: &[f64], scene: &Scene) -> Option<&'static str> {
+        let parameters = self.parameters(scene);
+        let (sizes, _) = values.split_at(parameters.iter().take_while(|p| p.neutral.is_some()).count());
+        let idle = |wheel: &[f64]| wheel.iter().zip(&parameters).all(|(x, p)| p.is_neutral(*x));
+        (self.each_wheel && sizes.chunks(sizes.len().div_ceil(2).max(1)).any(idle)).then_some("coulomb_friction_one_wheel")
+    }
+
     fn excitation(&self) -> &'static str {
         "slow driving in both directions, through standstill"
     }

@@ -87,7 +87,7 @@ pub(super) fn turning_ratio(scene: &Scene) -> Option<EffectParameter> {
 pub(super) fn starts(scene: &Scene, values: &[f64], columns: &[Vec<usize>]) -> Vec<Start> {
     let start = |values: Vec<f64>| Start { values, columns: columns.to_vec(), linear: true };
     match turning_ratio(scene) {
-        Some(_) => [1.0, 2.0].map(|ratio| start([values, &[ratio]].concat())).into(),
+        Some(_) => [1.0, 0.5, 2.0].map(|ratio| start([values, &[ratio]].concat())).into(),
         None => vec![start(values.to_vec())],
     }
 }

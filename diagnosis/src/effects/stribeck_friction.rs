@@ -8,7 +8,10 @@ use wheelwright_core::Effect;
 use wheelwright_core::effect::{Confusion, EffectParameter, Estimate, Instant, Scene, Stage, Start};
 
 use super::force;
-use super::words::quantity;
+use super::words::{KINK, quantity};
+
+/// Least speed over which friction falls, in widths of the smoothed sign: a narrower rise is the form of the kink.
+const NARROWEST: f64 = 5.0;
 
 /// Stribeck friction.
 #[derive(Debug, Clone, Default, Serialize, Deserialize)]
@@ -41,7 +44,7 @@ impl Effect for StribeckFriction {
         let typical = scene.scales.speed;
         let mut all = force::sizes(scene, "friction");
         all.extend(force::sizes(scene, "breakaway"));
-        all.push(EffectParameter::new("stribeck_speed", "m/s", (0.02 * typical, typical), 0.1 * typical));
+        all.push(EffectParameter::new("stribeck_speed", "m/s", (NARROWEST * KINK * typical, typical), 0.1 * typical));
         all.extend(force::turning_ratio(scene));
         all
     }
@@ -59,6 +62,11 @@ impl Effect for StribeckFriction {
             quantity(values[1], force::unit(scene)),
             quantity(values[2], "m/s")
         )
+    }
+
+    fn narrower(&self, values: &[f64], scene: &Scene) -> Option<&'static str> {
+        let mut rise = self.parameters(scene).into_iter().zip(values).filter(|(p, _)| p.name == "breakaway");
+        rise.all(|(p, x)| p.is_neutral(*x)).then_some("coulomb_friction")
     }
 
     fn excitation(&self) -> &'static str {

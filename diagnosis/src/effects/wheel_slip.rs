@@ -151,13 +151,30 @@ fn brushed(push: f64, limit: f64, creep: f64) -> f64 {
     limit * (1.0 - sticking.powi(3)) * push.signum()
 }
 
-/// The root y of y³ + 3 p y = c for p ≥ 0, and 0 where it is negative.
+/// The root y of y³ + 3 p y = c for p ≥ 0, and 0 where it is negative. Cardano's u − p/u, written so that no digits cancel.
 fn stuck(p: f64, c: f64) -> f64 {
     if c <= 0.0 {
         return 0.0;
     }
-    let root = p.sqrt();
-    let argument = 0.5 * c / (p * root);
-    // Where p is lost beside c the hyperbolic form is of no use.
-    if argument.is_finite() && argument < 1e12 { 2.0 * root * (argument.asinh() / 3.0).sinh() } else { c.cbrt() }
+    let half = 0.5 * c;
+    let u = (half + (half * half + p * p * p).sqrt()).cbrt();
+    let v = p / u;
+    c / (u * u + p + v * v)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::stuck;
+
+    #[test]
+    fn what_sticks_is_the_root_of_its_cubic_to_the_last_digits() {
+        for p in [0.0, 1e-12, 1e-6, 1e-3, 0.1, 1.0, 30.0, 1e6] {
+            for c in [1e-12, 1e-6, 1e-2, 0.3, 1.0, 4.0, 1e3] {
+                let y = stuck(p, c);
+                let back = y * (y * y + 3.0 * p);
+                assert!((back - c).abs() < 1e-14 * c * 8.0, "{p} {c}: {y} gives {back}");
+            }
+        }
+        assert_eq!(stuck(0.3, -1.0), 0.0);
+    }
 }

@@ -1,5 +1,7 @@
 //! What is fitted to what: model, data and scene, and the free run of a point in their common space of unknowns.
 
+use std::cell::Cell;
+
 use nalgebra::{DMatrix, DVector};
 use wheelwright_core::Dataset;
 use wheelwright_core::effect::{Effect, EffectParameter, EffectSimulator, Scene};
@@ -44,6 +46,10 @@ pub(crate) struct Setting<'a> {
     pub(crate) substeps: usize,
     /// Accuracy of a free run that is worth its time, relative to the outputs' root mean square.
     pub(crate) tolerance: f64,
+    /// Steps of the model and of each effect that all free runs together have taken.
+    pub(crate) work: Cell<u64>,
+    /// The most that they may take.
+    pub(crate) most_steps: u64,
 }
 
 /// Where in the space of unknowns a fit is.
@@ -58,6 +64,11 @@ pub(crate) struct Point {
 impl<'a> Setting<'a> {
     pub(crate) fn free(&self) -> usize {
         self.map.free.len()
+    }
+
+    /// Whether the search has had its share of simulation.
+    pub(crate) fn exhausted(&self) -> bool {
+        self.work.get() > self.most_steps
     }
 
     /// Steps of the free parameters about a point, from the plausible sizes of θ.
@@ -119,6 +130,8 @@ pub(crate) struct Runner<'s, 'a> {
     simulator: EffectSimulator<'s>,
     /// Parameters of all effects in order.
     pub(crate) parameters: Vec<EffectParameter>,
+    /// The model and its effects.
+    parts: u64,
     buffer: Vec<Vec<f64>>,
 }
 
@@ -159,7 +172,8 @@ impl<'s, 'a> Runner<'s, 'a> {
         let mut simulator = EffectSimulator::new(setting.model, &theta, effects, setting.scene)?.with_readout(setting.readout);
         simulator.set(&theta, &at.x[setting.free()..])?;
         let parameters = effects.iter().flat_map(|e| e.parameters(setting.scene)).collect();
-        Ok(Self { setting, simulator, parameters, buffer: vec![Vec::new(); setting.layout.outputs()] })
+        let parts = 1 + effects.len() as u64;
+        Ok(Self { setting, simulator, parameters, parts, buffer: vec![Vec::new(); setting.layout.outputs()] })
     }
 
     /// First sample of each output of a stretch.
@@ -178,6 +192,13 @@ impl<'s, 'a> Runner<'s, 'a> {
 
     /// The free run of all stretches, flat; false if it cannot be evaluated or leaves the range of numbers.
     pub(crate) fn run(&mut self, x: &[f64], starts: &[Vec<f64>], out: &mut [f64]) -> bool {
+        let before = self.simulator.steps();
+        let whole = self.all(x, starts, out);
+        self.setting.work.set(self.setting.work.get() + self.parts * (self.simulator.steps() - before));
+        whole
+    }
+
+    fn all(&mut self, x: &[f64], starts: &[Vec<f64>], out: &mut [f64]) -> bool {
         let setting = self.setting;
         let free = setting.free();
         if self.simulator.set(&setting.map.theta(&x[..free]), &x[free..]).is_err() {

@@ -39,6 +39,8 @@ fn fitted<T>(case: &Case, f: impl FnOnce(&Setting<'_>, &Whitening, &Fit) -> T) -
         floor: vec![1e-6; 2],
         substeps: 1,
         tolerance: 0.0,
+        work: std::cell::Cell::new(0),
+        most_steps: u64::MAX,
         layout,
     };
     let rough = fit(&mut setting, &question).unwrap();

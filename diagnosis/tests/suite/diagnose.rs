@@ -55,11 +55,16 @@ fn commands(random: &mut StdRng, rows: usize, reverses: bool) -> Stretch {
 
 /// A recording of a model with effects, under noise that remembers `colour` of itself.
 fn record(seed: u64, rows: usize, reverses: bool, effects: &[(&dyn Effect, &[f64])], colour: f64) -> Dataset {
+    record_on(TRACK, seed, rows, reverses, effects, colour)
+}
+
+/// The same of a robot with another track width.
+fn record_on(track: f64, seed: u64, rows: usize, reverses: bool, effects: &[(&dyn Effect, &[f64])], colour: f64) -> Dataset {
     let model = model();
     let mut random = StdRng::seed_from_u64(seed);
     let stretch = commands(&mut random, rows, reverses);
     let mut data = Dataset { inputs: model.inputs().to_vec(), outputs: model.outputs().to_vec(), stretches: vec![stretch] };
-    let scene = Scene::new(&data, &*model, TRACK, None, None);
+    let scene = Scene::new(&data, &*model, track, None, None);
     let list: Vec<&dyn Effect> = effects.iter().map(|e| e.0).collect();
     let values: Vec<f64> = effects.iter().flat_map(|e| e.1.iter().copied()).collect();
     let mut simulator = EffectSimulator::new(&*model, &THETA, &list, &scene).unwrap();
@@ -228,4 +233,42 @@ fn stretches_of_two_samples_and_dead_channels_do_no_harm() {
     let (model, library) = (model(), library());
     let answer = diagnose(&Question::new(&*model, &data, &library));
     assert!(answer.is_ok_and(|d| d.fit.before.iter().all(|x| x.is_nan() || x.is_finite())));
+}
+
+/// Friction's kinks are where the wheels turn round, and only the right track puts them there.
+#[test]
+fn a_track_that_nobody_gave_is_found_by_what_acts_at_the_wheels() {
+    let friction = CoulombFriction::default();
+    let training = record_on(0.9, 81, 1600, true, &[(&friction, &[0.05, 1.0])], 0.0);
+    let (model, library) = (model(), library());
+    let diagnosis = diagnose(&Question::new(&*model, &training, &library)).unwrap();
+    assert_eq!(names(&diagnosis), ["coulomb_friction"], "{}", diagnosis.headline);
+    let (low, high) = diagnosis.effects[0].parameters[0].ci95.unwrap();
+    assert!(low < 0.05 && 0.05 < high, "{low} to {high}");
+    let said = diagnosis.warnings.iter().find(|w| w.contains("track width is unknown")).unwrap();
+    let width: f64 = said.split(" m, which fits them best").next().unwrap().rsplit(' ').next().unwrap().parse().unwrap();
+    assert!((width / 0.9 - 1.0).abs() < 0.04, "{said}");
+    // Where nothing acts at the wheels no track shows.
+    let plain = record(82, 1200, true, &[], 0.0);
+    let diagnosis = diagnose(&Question::new(&*model, &plain, &library)).unwrap();
+    assert!(diagnosis.warnings.iter().any(|w| w.contains("computed with 0.35 m;")), "{:?}", diagnosis.warnings);
+}
+
+#[test]
+fn a_search_that_had_its_share_ends_with_what_it_has_and_says_so() {
+    let (friction, delay) = (CoulombFriction::default(), CommandDelay::default());
+    let hidden: [(&dyn Effect, &[f64]); 2] = [(&friction, &[0.04, 1.0]), (&delay, &[0.15])];
+    let data = record(21, 1600, true, &hidden, 0.0);
+    let (model, library) = (model(), library());
+    let limited = |most_steps: u64| {
+        let mut question = Question::new(&*model, &data, &library);
+        (question.track_width, question.most_steps) = (Some(TRACK), most_steps);
+        diagnose(&question).unwrap()
+    };
+    let ended = |d: &Diagnosis| d.warnings.iter().any(|w| w.contains("limit of simulation"));
+    let none = limited(0);
+    assert!(ended(&none) && none.effects.is_empty() && none.verdict != Verdict::NoMismatch, "{}", none.headline);
+    let some = limited(1_000_000);
+    assert!(ended(&some) && some.effects.len() < 2, "{}", some.headline);
+    assert!(!ended(&limited(u64::MAX)));
 }

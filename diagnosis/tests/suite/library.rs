@@ -7,7 +7,7 @@ use proptest::prelude::*;
 use wheelwright_core::effect::{Effect, EffectParameter, EffectSimulator, Estimate, Instant, Place, Scene, Start};
 use wheelwright_core::model::ModelError;
 use wheelwright_core::simulation::Readout;
-use wheelwright_diagnosis::effects::library;
+use wheelwright_diagnosis::effects::{CoulombFriction, CoulombFrictionOneWheel, StribeckFriction, Wheel, library};
 
 /// The names of the contract (section 5).
 const NAMES: [&str; 29] = [
@@ -75,6 +75,22 @@ fn neutral_values_give_the_base_run() {
             }
         }
     }
+}
+
+/// What calls itself by a narrower name is that: the same run, and only where a part of it does nothing.
+#[test]
+fn an_effect_part_of_which_does_nothing_is_the_narrower_one() {
+    let (rig, scene) = (body(), body().scene());
+    let each = CoulombFriction { each_wheel: true };
+    let left = CoulombFrictionOneWheel { wheel: Wheel::Left };
+    let (rise, plain) = (StribeckFriction {}, CoulombFriction::default());
+    let check = |wide: &dyn Effect, [idle, active]: [&[f64]; 2], narrow: &dyn Effect, values: &[f64]| {
+        assert_eq!((wide.narrower(idle, &scene), wide.narrower(active, &scene)), (Some(narrow.name()), None));
+        let (wide, narrow) = (rig.run(&[wide], idle), rig.run(&[narrow], values));
+        assert!(wide.iter().flatten().zip(narrow.iter().flatten()).all(|(a, b)| (a - b).abs() < 1e-9));
+    };
+    check(&each, [&[0.03, 0.0, 1.2], &[0.03, 0.001, 1.2]], &left, &[0.03, 1.2]);
+    check(&rise, [&[0.03, 0.0, 0.05, 1.2], &[0.03, 0.001, 0.05, 1.2]], &plain, &[0.03, 1.2]);
 }
 
 #[test]

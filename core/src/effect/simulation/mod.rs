@@ -56,6 +56,7 @@ pub struct EffectSimulator<'a> {
     state: Vec<f64>,
     saved: Vec<f64>,
     trace: Trace,
+    steps: u64,
 }
 
 impl<'a> EffectSimulator<'a> {
@@ -83,6 +84,7 @@ impl<'a> EffectSimulator<'a> {
             saved: vec![0.0; slots.states],
             slots,
             trace: Trace::default(),
+            steps: 0,
         })
     }
 
@@ -109,6 +111,11 @@ impl<'a> EffectSimulator<'a> {
     /// Steps an interval between samples is divided into.
     pub fn substeps(&self) -> usize {
         self.substeps
+    }
+
+    /// Steps taken since it was made: what its runs have cost, whatever the machine.
+    pub fn steps(&self) -> u64 {
+        self.steps
     }
 
     /// Replaces the model's parameters and the effects' values, these in the order in which the effects were given.

@@ -181,6 +181,7 @@ impl EffectSimulator<'_> {
             let count = if whole { substeps } else { (((until - time) / longest - 1e-6).ceil() as usize).max(substeps.div_ceil(2)) };
             let step = (until - time) / count as f64;
             self.linear.prepare(step);
+            self.steps += count as u64;
             for i in 0..count {
                 let at = Instant { time: time + i as f64 * step, ..at };
                 worst = worst.max(self.step::<N, DIAGONAL>(&at, step)?);
