@@ -126,19 +126,8 @@ impl<'a> Search<'a> {
         let projection = self.projection(state, whitening);
         let freedom = self.freedom(&state.effects, &state.fit);
         let before = state.fit.likelihood(&self.setting);
-        let closes = |c: &Vec<Candidate>| self.effect(c[0].effect).stage() == Stage::Loop;
-        let best = screened.iter().filter(|c| !closes(c)).map(|c| c[0].gain).fold(field.gain, f64::max);
-        let least = (PROMISING * self.penalty(1.0)).max(BEHIND * best);
-        let mut names: Vec<&str> = Vec::new();
-        let mut few = |c: &&Vec<Candidate>| {
-            let name = self.effect(c[0].effect).name();
-            names.push(name);
-            names.iter().filter(|n| **n == name).count() <= VARIANTS
-        };
-        let open = screened.iter().filter(|c| c[0].gain > least && !closes(c)).filter(&mut few).take(field.entrants);
-        let entrants = open.chain(screened.iter().filter(|c| closes(c)));
         let mut racing: Vec<Racing<'_, 'a>> =
-            entrants.flat_map(|candidates| self.enter(state, &projection, whitening, candidates, responses, field)).collect();
+            self.promising(screened, field).flat_map(|c| self.enter(state, &projection, whitening, c, responses, field)).collect();
         for (trials, places) in field.rounds {
             let effort = Effort { trials, ..RANKING };
             racing = racing.into_iter().map(|r| r.on(self, whitening, effort)).collect();
@@ -165,6 +154,25 @@ impl<'a> Search<'a> {
         let equals = refined.iter().take_while(|r| r.score > best - EXCHANGE).count();
         refined[..equals].sort_by_key(|r| r.effect);
         refined
+    }
+
+    /// The effects that enter: those that promise enough, not too many variants of one name, and what closes a loop, of which no promise says anything.
+    fn promising<'c>(
+        &'c self,
+        screened: &'c [Vec<Candidate>],
+        field: &Field<'_>,
+    ) -> impl Iterator<Item = &'c Vec<Candidate>> + use<'c, 'a> {
+        let closes = |c: &&Vec<Candidate>| self.effect(c[0].effect).stage() == Stage::Loop;
+        let best = screened.iter().filter(|c| !closes(c)).map(|c| c[0].gain).fold(field.gain, f64::max);
+        let least = (PROMISING * self.penalty(1.0)).max(BEHIND * best);
+        let mut names: Vec<&str> = Vec::new();
+        let few = move |c: &&Vec<Candidate>| {
+            let name = self.effect(c[0].effect).name();
+            names.push(name);
+            names.iter().filter(|n| **n == name).count() <= VARIANTS
+        };
+        let open = screened.iter().filter(move |c| c[0].gain > least && !closes(c)).filter(few).take(field.entrants);
+        open.chain(screened.iter().filter(closes))
     }
 
     /// An effect at the better of its two best starts, and at the one that changes least: from there the way leads uphill, if slowly.
