@@ -1,6 +1,6 @@
 //! From a question to an answer, step by step.
 
-use std::cell::Cell;
+use std::cell::{Cell, OnceCell};
 
 use wheelwright_core::Dataset;
 use wheelwright_core::effect::{Effect, Scene, Stage};
@@ -29,7 +29,7 @@ const NUMERICAL: f64 = 5e-5;
 /// Error of a free run beside the noise that changes nothing: its square is a ten-thousandth of the noise's.
 const ACCURACY: f64 = 0.01;
 /// Evidence by which another reading of the data must be better than the ordinary one.
-const DECISIVE: f64 = 10.0;
+pub(crate) const DECISIVE: f64 = 10.0;
 /// Rows beyond which a recording only costs time: pieces spread evenly over it are taken.
 const MOST_ROWS: usize = 8_000;
 
@@ -56,16 +56,18 @@ pub fn diagnose(question: &Question<'_>) -> Result<Diagnosis, DiagnosisError> {
         ));
     }
     let scene = |width: f64| Scene::new(&data, question.model, width, question.wheel_radius, headings.as_deref());
-    let mut scenes = vec![scene(question.track_width.unwrap_or(track::ORDINARY))];
+    let (ordinary, fitting) = (scene(question.track_width.unwrap_or(track::ORDINARY)), OnceCell::new());
+    let mut start = surroundings(setting(question, &data, &ordinary, Readout::Instantaneous), question)?;
     if question.track_width.is_none() {
-        let likeliest = track::likeliest(question, setting(question, &data, &scenes[0], Readout::Instantaneous), headings.as_deref())?;
+        let likeliest = track::likeliest(question, &start, headings.as_deref());
         warnings.push(unknown_track(likeliest));
-        scenes.extend(likeliest.map(scene));
+        if let Some(width) = likeliest {
+            start = surroundings(setting(question, &data, fitting.get_or_init(|| scene(width)), Readout::Instantaneous), question)?;
+        }
     }
-    let scene = &scenes[scenes.len() - 1];
-    let setting = setting(question, &data, scene, Readout::Instantaneous);
+    let scene = start.search.setting.scene;
     let Beside { radii, track } = Beside::of(question, scene);
-    let story = selected(setting, question, radii.as_ref())?;
+    let story = selected(start, radii.as_ref())?;
     let mut story = other_readout(story, question, &data, scene, radii.as_ref())?;
     story.selected = story.search.unjittered(story.selected, &story.responses);
     story.selected = judged(question, &story.search, story.selected, &story.responses);
@@ -93,8 +95,8 @@ fn other_readout<'a>(
     scene: &'a Scene,
     known: Option<&'a Known>,
 ) -> Result<Story<'a>, DiagnosisError> {
-    let late = story.search.effects(&story.selected.state.effects).into_iter().any(late) && story.barely_late();
-    if !late || story.search.setting.exhausted() {
+    let none_late = !story.search.effects(&story.selected.state.effects).into_iter().any(late) || !story.barely_late();
+    if none_late || story.search.setting.exhausted() {
         return Ok(story);
     }
     let mut other = setting(question, data, scene, Readout::IntervalMean);
@@ -106,7 +108,7 @@ fn other_readout<'a>(
     if plainer(&story, &other, &base).is_none_or(|plainer| plainer <= story.evidence()) {
         return Ok(story);
     }
-    let rival = selected(other, question, known)?;
+    let rival = selected(surroundings(other, question)?, known)?;
     Ok(if rival.evidence() > story.evidence() + DECISIVE { rival } else { story })
 }
 
@@ -184,18 +186,14 @@ pub(crate) struct Surroundings<'a> {
 }
 
 /// Base fit, noise, and what every effect would change.
-pub(crate) fn surroundings<'a>(
-    mut setting: Setting<'a>,
-    question: &Question<'a>,
-    known: Option<&'a Known>,
-) -> Result<Surroundings<'a>, DiagnosisError> {
+pub(crate) fn surroundings<'a>(mut setting: Setting<'a>, question: &Question<'a>) -> Result<Surroundings<'a>, DiagnosisError> {
     let rough = fit(&mut setting, question)?;
     setting.tolerance = worthwhile_accuracy(&setting, &rough);
     setting.substeps = 1;
     setting.substeps = Runner::new(&setting, &[], &rough.point)?.substeps();
     let first = rough.likelihood(&setting);
     let open: Vec<usize> = (0..question.library.len()).filter(|i| question.library[*i].inapplicable(setting.scene).is_none()).collect();
-    let search = Search { setting, library: question.library, open, known };
+    let search = Search { setting, library: question.library, open, known: None };
     let rough = State { effects: Vec::new(), fit: rough };
     let responses = search.respond(&rough);
     let (whitening, base) = whitened(&search.setting, &rough.fit, &responses)?;
@@ -203,8 +201,9 @@ pub(crate) fn surroundings<'a>(
 }
 
 /// The effects that the evidence asks for.
-fn selected<'a>(setting: Setting<'a>, question: &Question<'a>, known: Option<&'a Known>) -> Result<Story<'a>, DiagnosisError> {
-    let Surroundings { search, first, responses, whitening, base, .. } = surroundings(setting, question, known)?;
+fn selected<'a>(start: Surroundings<'a>, known: Option<&'a Known>) -> Result<Story<'a>, DiagnosisError> {
+    let Surroundings { search, first, responses, whitening, base, .. } = start;
+    let search = Search { known, ..search };
     let known = with_known(&search, &base, &whitening);
     let selected = search.run(State { effects: Vec::new(), fit: base }, known, whitening, &responses)?;
     Ok(Story { search, selected, responses, first })

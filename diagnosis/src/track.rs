@@ -7,83 +7,68 @@ use std::f64::consts::SQRT_2;
 
 use wheelwright_core::effect::{Frame, Scene};
 
-use crate::diagnose::{Surroundings, surroundings};
+use crate::diagnose::{DECISIVE, Surroundings};
 use crate::fit::setting::Setting;
-use crate::question::{DiagnosisError, Question};
+use crate::question::Question;
 use crate::race::Field;
+use crate::screen::{Candidate, Response};
 use crate::select::{Search, State};
 
 /// Track width that is taken where none is known and none shows \[m\].
 pub(crate) const ORDINARY: f64 = 0.35;
 /// Half octaves by which it is narrowed and widened: to a robot on a desk, to a car.
-const HALF_OCTAVES: [i32; 9] = [0, -4, -3, -2, -1, 1, 2, 3, 4];
-/// Evidence by which a width must be better than the ordinary one.
-const DECISIVE: f64 = 10.0;
+const HALF_OCTAVES: [i32; 8] = [-4, -3, -2, -1, 1, 2, 3, 4];
 /// Fits between the neighbours of the best: in the end they differ by 4 %.
 const SECTIONS: usize = 7;
 /// The golden section.
 const GOLDEN: f64 = 0.618_033_988_749_895;
 
-/// The track width at which an effect at the wheels explains decisively more than at that of the setting, if there is such.
-pub(crate) fn likeliest(
-    question: &Question<'_>,
-    ordinary: Setting<'_>,
-    headings: Option<&[Vec<f64>]>,
-) -> Result<Option<f64>, DiagnosisError> {
-    let data = ordinary.data;
-    if !matches!(ordinary.scene.frame, Frame::Body { .. }) {
-        return Ok(None);
+/// The track width at which an effect at the wheels explains decisively more than at the ordinary one, beside the base model of that
+/// one, if there is such.
+pub(crate) fn likeliest(question: &Question<'_>, start: &Surroundings<'_>, headings: Option<&[Vec<f64>]>) -> Option<f64> {
+    let setting = &start.search.setting;
+    if !matches!(setting.scene.frame, Frame::Body { .. }) {
+        return None;
     }
-    let tried = Tried { start: surroundings(ordinary, question, None)? };
-    let scene = |width: f64| Scene::new(data, question.model, width, question.wheel_radius, headings);
-    let mut promised: Vec<(f64, usize, f64)> = Vec::with_capacity(HALF_OCTAVES.len());
-    for width in HALF_OCTAVES.map(|k| ORDINARY * SQRT_2.powi(k)) {
-        promised.extend(tried.best(&scene(width)).map(|(effect, value)| (width, effect, value)));
-        // Where nothing is promised at the ordinary width nothing is missing.
-        if promised.is_empty() {
-            return Ok(None);
-        }
-    }
-    let Some((best, effect, _)) = promised.into_iter().reduce(|a, b| if b.2 > a.2 { b } else { a }) else { return Ok(None) };
-    let evidence = |width: f64| tried.evidence(effect, &scene(width));
-    let (width, most) = highest(&|log: f64| evidence(log.exp()), (best / SQRT_2).ln(), (best * SQRT_2).ln());
-    Ok((most > evidence(ORDINARY) + DECISIVE).then_some(width.exp()))
-}
-
-/// The base model and its noise, beside which effects are tried.
-struct Tried<'a> {
-    start: Surroundings<'a>,
-}
-
-impl Tried<'_> {
-    fn state(&self) -> State {
-        State { effects: Vec::new(), fit: self.start.base.clone() }
-    }
-
-    fn search<'s>(&'s self, scene: &'s Scene, open: Vec<usize>) -> Search<'s> {
-        let Surroundings { search, .. } = &self.start;
-        Search { setting: Setting { scene, ..search.setting.clone() }, library: search.library, open, known: None }
-    }
-
-    /// The effect that promises most, and what, if it is more than it costs.
-    fn best(&self, scene: &Scene) -> Option<(usize, f64)> {
-        let search = self.search(scene, self.start.search.open.clone());
-        let responses = search.respond(&self.start.rough);
-        let screened = search.screen(&self.state(), &self.start.whitening, &responses);
-        let candidate = screened.first()?.first()?;
-        let value = candidate.gain - search.penalty(candidate.freedom as f64);
-        (value > 0.0).then_some((candidate.effect, value))
-    }
-
-    /// What an effect explains, fitted.
-    fn evidence(&self, effect: usize, scene: &Scene) -> f64 {
-        let search = self.search(scene, vec![effect]);
-        let responses = search.respond(&self.start.rough);
-        let state = self.state();
-        let screened = search.screen(&state, &self.start.whitening, &responses);
-        let refined = search.refine(&state, &self.start.whitening, &screened, &responses, &Field::open());
+    let state = State { effects: Vec::new(), fit: start.base.clone() };
+    let scene = |width: f64| Scene::new(setting.data, question.model, width, question.wheel_radius, headings);
+    // Where nothing is promised at the ordinary width nothing is missing.
+    let ordinary = best(&start.search, &start.search.screen(&state, &start.whitening, &start.responses))?;
+    let promised = HALF_OCTAVES.map(|k| ORDINARY * SQRT_2.powi(k)).into_iter().filter_map(|width| {
+        let scene = scene(width);
+        let search = search(start, &scene, start.search.open.clone());
+        let (effect, value) = best(&search, &screened(start, &search, &state).1)?;
+        Some((width, effect, value))
+    });
+    let (width, effect, _) = promised.fold((ORDINARY, ordinary.0, ordinary.1), |a, b| if b.2 > a.2 { b } else { a });
+    let evidence = |width: f64| {
+        let scene = scene(width);
+        let search = search(start, &scene, vec![effect]);
+        let (responses, screened) = screened(start, &search, &state);
+        let refined = search.refine(&state, &start.whitening, &screened, &responses, &Field::open());
         refined.first().map_or(f64::NEG_INFINITY, |best| best.score)
-    }
+    };
+    let (width, most) = highest(&|log: f64| evidence(log.exp()), (width / SQRT_2).ln(), (width * SQRT_2).ln());
+    (most > evidence(ORDINARY) + DECISIVE).then_some(width.exp())
+}
+
+/// The same search in another scene, over some of the effects.
+fn search<'s>(start: &'s Surroundings<'_>, scene: &'s Scene, open: Vec<usize>) -> Search<'s> {
+    Search { setting: Setting { scene, ..start.search.setting.clone() }, library: start.search.library, open, known: None }
+}
+
+/// What the effects of a search would change, and promise.
+fn screened(start: &Surroundings<'_>, search: &Search<'_>, state: &State) -> (Vec<Response>, Vec<Vec<Candidate>>) {
+    let responses = search.respond(&start.rough);
+    let screened = search.screen(state, &start.whitening, &responses);
+    (responses, screened)
+}
+
+/// The effect that promises most, and what, if it is more than it costs.
+fn best(search: &Search<'_>, screened: &[Vec<Candidate>]) -> Option<(usize, f64)> {
+    let candidate = screened.first()?.first()?;
+    let value = candidate.gain - search.penalty(candidate.freedom as f64);
+    (value > 0.0).then_some((candidate.effect, value))
 }
 
 /// Where a function of one hump is highest, and how high.

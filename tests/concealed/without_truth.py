@@ -11,16 +11,9 @@ import argparse
 import collections
 import json
 import pathlib
-import subprocess
 from concurrent.futures import ThreadPoolExecutor
 
-
-def diagnose(program, folder, without):
-    robot = folder / "robot.toml"
-    command = [program, "diagnose", folder / "train.csv", "--validate", folder / "validate.csv", "--without", without, "--json", "--quiet"]
-    command += ["--robot", robot] if robot.exists() else []
-    done = subprocess.run([str(c) for c in command], capture_output=True, text=True, check=True)
-    return json.loads(done.stdout)
+from asking import as_good, diagnose
 
 
 def judged(case, answer):
@@ -28,7 +21,7 @@ def judged(case, answer):
     named = {e["name"] for e in answer["effects"]}
     if answer["verdict"] != "explained":
         return answer["verdict"]
-    return "stated equivalent" if any(named == set(names) for names in case["acceptable"]) else "confidently wrong"
+    return "stated equivalent" if as_good(case, named) else "confidently wrong"
 
 
 def main():
@@ -41,7 +34,8 @@ def main():
     single = [c for c in json.loads(given.key.read_text())["cases"] if len(c["truth"]) == 1]
 
     def run(case):
-        answer = diagnose(given.wheelwright, given.cases / case["case"], case["truth"][0]["effect"])
+        folder = given.cases / case["case"]
+        answer = diagnose(given.wheelwright, [folder / "train.csv"], folder, "--without", case["truth"][0]["effect"])
         return case, answer, judged(case, answer)
 
     totals = {True: collections.Counter(), False: collections.Counter()}
