@@ -6,14 +6,10 @@ use std::path::{Path, PathBuf};
 
 use sha2::{Digest, Sha256};
 use wheelwright_core::channel::PHI;
-use wheelwright_core::recording::{ReadOptions, Recording};
+use wheelwright_core::recording::{GAP_PERIODS, ReadOptions, Recording};
 
 use crate::error::Error;
 use crate::report::RecordingFacts;
-
-/// Rows further apart than this many median periods are a break: the robot went unobserved for several periods, and
-/// neither a filter nor a held command can be trusted across it.
-const GAP_PERIODS: f64 = 5.0;
 
 /// A recording with its facts.
 #[derive(Debug, Clone)]

@@ -7,21 +7,23 @@
 
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test that cannot go on fails")]
 
+use std::cell::Cell;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use serde::{Deserialize, Serialize};
 use wheelwright::controllers::trajectory::Circle;
 use wheelwright::record::RecordingFiles;
+use wheelwright::source::Source;
 use wheelwright_core::channel::{self, Channel};
 use wheelwright_core::controller::{Controller, Observation};
 use wheelwright_core::drive::{DeadMan, DriveError, DriveOptions, DriveProgress, Floor, RowSink, Safety, SinkError, Watchdog, drive};
 use wheelwright_core::excitation::{Excitation, ExcitationError};
 use wheelwright_core::profile::Limits;
-use wheelwright_core::recording::ReadOptions;
+use wheelwright_core::recording::{ReadOptions, Recording};
 use wheelwright_core::robot::{Live, Robot, RobotError};
 use wheelwright_core::tracking::track;
 
@@ -52,6 +54,7 @@ enum Fault {
     StopFails,
     LawPanics,
     LawNotANumber,
+    LawLate,
 }
 
 /// What decides the commands.
@@ -65,6 +68,8 @@ enum Way {
 #[derive(Debug, Default)]
 struct Log {
     commands: Vec<[f64; 2]>,
+    /// When each command came, and when its period was over.
+    times: Vec<[Instant; 2]>,
     stops: usize,
 }
 
@@ -99,8 +104,13 @@ impl Robot for Faulty {
             let mut log = self.log.lock().unwrap();
             assert_eq!(log.stops, 0, "commanded after a stop");
             log.commands.push([command[0], command[1]]);
+            log.times.push([Instant::now(); 2]);
             log.commands.len()
         };
+        if self.real_time {
+            std::thread::sleep(Duration::from_secs_f64(PERIOD));
+            self.log.lock().unwrap().times[steps - 1][1] = Instant::now();
+        }
         let struck = steps >= STRIKE;
         let mut advance = PERIOD;
         if !(struck && self.fault == Fault::FrozenData) {
@@ -166,6 +176,7 @@ fn wave(fault: Fault, t: f64, command: &mut [f64]) {
     match fault {
         Fault::LawPanics if struck => panic!("a bug in the law"),
         Fault::LawNotANumber if struck => command[1] = f64::NAN,
+        Fault::LawLate => be_late(t),
         _ => {}
     }
 }
@@ -195,14 +206,46 @@ impl RowSink for FullDisk {
     }
 }
 
+/// A disk that takes its time over one row.
+struct SlowDisk;
+
+impl RowSink for SlowDisk {
+    fn row(&mut self, t: f64, _: &[f64]) -> Result<(), SinkError> {
+        be_late(t);
+        Ok(())
+    }
+    fn finish(&mut self) -> Result<(), SinkError> {
+        Ok(())
+    }
+}
+
+thread_local! {
+    /// Since when the work of this test was late, and by how much more it was when it woke up after two cycles.
+    static LATE: Cell<Option<(Instant, Duration)>> = const { Cell::new(None) };
+}
+
+/// Takes fourteen cycles, once, from the strike on.
+fn be_late(t: f64) {
+    if t < (STRIKE as f64 - 0.5) * PERIOD || LATE.get().is_some() {
+        return;
+    }
+    let (begun, two) = (Instant::now(), Duration::from_secs_f64(2.0 * PERIOD));
+    std::thread::sleep(two);
+    LATE.set(Some((begun, begun.elapsed() - two)));
+    std::thread::sleep(6 * two);
+}
+
 /// How a faulty drive ended.
 struct Ended {
     /// `None` if a panic passed through.
-    outcome: Option<Result<(), DriveError>>,
+    outcome: Option<Result<Recording, DriveError>>,
     /// Commands that were not zero from the fault on.
     cycles: usize,
+    log: Log,
     stops: usize,
     rows: usize,
+    /// Segments of the files as they are read.
+    segments: Vec<usize>,
 }
 
 /// Drives with a fault into files, and reads both back.
@@ -221,21 +264,21 @@ fn drive_into(folder: &Path, way: Way, fault: Fault, real_time: bool, options: i
             sinks.append(&mut options.sinks);
             let options = DriveOptions { sinks, ..options };
             match way {
-                Way::Excited => drive(&mut robot, &Wave(fault), options).map(drop),
+                Way::Excited => drive(&mut robot, &Wave(fault), options),
                 Way::Tracked => {
                     let circle = Circle { radius: 2.0, speed: 0.5 };
-                    track(&mut robot, &mut Wave(fault), &circle, 4.0, f64::INFINITY, options).unwrap().outcome.map(drop)
+                    track(&mut robot, &mut Wave(fault), &circle, 4.0, f64::INFINITY, options).unwrap().outcome
                 }
             }
         }))
     };
-    let log = log.lock().unwrap();
-    let rows: Vec<usize> = paths
-        .iter()
-        .map(|p| wheelwright::recordings::open(p, &ReadOptions::default()).unwrap_or_else(|e| panic!("{fault:?}: {e}")).rows())
-        .collect();
-    assert_eq!(rows[0], rows[1], "{fault:?}: CSV and MCAP hold the same rows");
-    Ended { outcome: outcome.ok(), cycles: log.commands.len().saturating_sub(STRIKE - 1), stops: log.stops, rows: rows[0] }
+    let log = std::mem::take(&mut *log.lock().unwrap());
+    let read: Vec<Recording> =
+        paths.iter().map(|p| Source::open(p, &ReadOptions::default()).unwrap_or_else(|e| panic!("{fault:?}: {e}")).recording).collect();
+    assert_eq!(read[0].rows(), read[1].rows(), "{fault:?}: CSV and MCAP hold the same rows");
+    let cycles = log.commands.iter().skip(STRIKE - 1).filter(|command| **command != [0.0; 2]).count();
+    let segments = read.iter().map(|recording| recording.segments().len()).collect();
+    Ended { outcome: outcome.ok(), cycles, stops: log.stops, log, rows: read[0].rows(), segments }
 }
 
 fn line(name: &str, cycles: usize, rows: usize, why: &str) {
@@ -248,7 +291,7 @@ fn expect(name: &str, way: Way, fault: Fault, says: &str) {
     let ended = drive_into(folder.path(), way, fault, false, |options| options);
     let why = match &ended.outcome {
         Some(Err(error)) => error.to_string(),
-        Some(Ok(())) => panic!("{name}: the drive went on"),
+        Some(Ok(_)) => panic!("{name}: the drive went on"),
         None => "a panic passed through".to_owned(),
     };
     assert!(why.contains(says), "{name}: {why}");
@@ -285,12 +328,12 @@ fn faults_of_robot_and_law() {
 
 /// A drive without a fault of its own that something from outside ends. It tracks: there all options are handed on to the loop that
 /// an excitation drives in directly.
-fn ended_by(name: &str, says: &str, real_time: bool, options: impl FnOnce(DriveOptions<'_>) -> DriveOptions<'_>) -> Ended {
+fn ended_by(name: &str, says: &str, options: impl FnOnce(DriveOptions<'_>) -> DriveOptions<'_>) -> Ended {
     let folder = tempfile::tempdir().unwrap();
-    let ended = drive_into(folder.path(), Way::Tracked, Fault::None, real_time, options);
+    let ended = drive_into(folder.path(), Way::Tracked, Fault::None, false, options);
     let why = match &ended.outcome {
         Some(Err(error)) => error.to_string(),
-        Some(Ok(())) => "the drive ended in order".to_owned(),
+        Some(Ok(_)) => "the drive ended in order".to_owned(),
         None => "a panic passed through".to_owned(),
     };
     assert!(why.contains(says), "{name}: {why}");
@@ -308,8 +351,7 @@ fn a_stop_that_is_asked_for_comes_before_the_next_command() {
     let flag: &'static AtomicBool = Box::leak(Box::new(AtomicBool::new(false)));
     let observer: &'static mut dyn FnMut(&DriveProgress<'_>) =
         Box::leak(Box::new(|p: &DriveProgress<'_>| flag.store(at_strike(p), Ordering::Relaxed)));
-    let ended =
-        ended_by("stop asked for", "stopped by request", false, |o| DriveOptions { stop: Some(flag), observer: Some(observer), ..o });
+    let ended = ended_by("stop asked for", "stopped by request", |o| DriveOptions { stop: Some(flag), observer: Some(observer), ..o });
     assert!(ended.cycles <= CYCLES, "{}", ended.cycles);
 }
 
@@ -322,11 +364,8 @@ fn a_key_let_go_stops_before_the_next_command() {
             switch.release();
         }
     }));
-    let ended = ended_by("dead man's switch released", "dead man", false, |o| DriveOptions {
-        dead_man: Some(switch),
-        observer: Some(observer),
-        ..o
-    });
+    let ended =
+        ended_by("dead man's switch released", "dead man", |o| DriveOptions { dead_man: Some(switch), observer: Some(observer), ..o });
     assert!(ended.cycles <= CYCLES, "{}", ended.cycles);
 }
 
@@ -334,26 +373,64 @@ fn a_key_let_go_stops_before_the_next_command() {
 fn a_panic_in_the_observer_stops() {
     let observer: &'static mut dyn FnMut(&DriveProgress<'_>) =
         Box::leak(Box::new(|p: &DriveProgress<'_>| assert!(!at_strike(p), "a bug in the view")));
-    let ended = ended_by("panic in the observer", "a panic passed through", false, |o| DriveOptions { observer: Some(observer), ..o });
+    let ended = ended_by("panic in the observer", "a panic passed through", |o| DriveOptions { observer: Some(observer), ..o });
     assert!(ended.cycles <= CYCLES, "{}", ended.cycles);
 }
 
-#[test]
-fn a_deadline_missed_sends_nothing_late() {
-    let observer: &'static mut dyn FnMut(&DriveProgress<'_>) = Box::leak(Box::new(|p: &DriveProgress<'_>| {
-        if at_strike(p) {
-            std::thread::sleep(Duration::from_millis(600));
+/// The law, the disk or the view does not come back for fourteen cycles of a robot in real time. Gives the drive, the cycles from the
+/// measurement that nobody answered to the zero command, less what the machine took to wake the test itself, and the commands to move
+/// that came after.
+fn late(name: &str, way: Way, deadline: f64) -> (Ended, usize, usize) {
+    LATE.set(None);
+    let fault = if name == "law" { Fault::LawLate } else { Fault::None };
+    let view: &'static mut dyn FnMut(&DriveProgress<'_>) = Box::leak(Box::new(|p: &DriveProgress<'_>| be_late(p.t)));
+    let disk: &'static mut SlowDisk = Box::leak(Box::new(SlowDisk));
+    let safety = Safety { deadline: Some(deadline), ..Safety::default() };
+    let folder = tempfile::tempdir().unwrap();
+    let ended = drive_into(folder.path(), way, fault, true, |mut o| {
+        if name == "disk" {
+            o.sinks.push(disk);
         }
-    }));
-    let safety = Safety { deadline: Some(0.5), ..Safety::default() };
-    let ended = ended_by("deadline missed", "deadline missed", true, |o| DriveOptions { safety, observer: Some(observer), ..o });
-    assert!(ended.cycles <= CYCLES, "{}", ended.cycles);
+        DriveOptions { safety, observer: (name == "view").then_some(view), ..o }
+    });
+    let (begun, own) = LATE.get().unwrap_or_else(|| panic!("{name}: never late"));
+    let Log { commands, times, .. } = &ended.log;
+    let first = times.iter().position(|[sent, _]| *sent > begun).unwrap_or_else(|| panic!("{name}: the robot was left alone"));
+    assert_eq!(commands[first], [0.0; 2], "{name}");
+    let waited = (times[first][0] - times[first - 1][1]).saturating_sub(own);
+    let moved = commands[first..].iter().filter(|command| **command != [0.0; 2]).count();
+    let cycles = (waited.as_secs_f64() / PERIOD).round() as usize;
+    (ended, cycles, moved)
+}
+
+#[test]
+fn a_robot_stands_two_cycles_after_a_measurement_that_nobody_answers() {
+    for (name, way) in [("law", Way::Excited), ("law", Way::Tracked), ("disk", Way::Tracked), ("view", Way::Tracked)] {
+        let (ended, cycles, moved) = late(name, way, 10.0 * PERIOD);
+        let why = ended.outcome.unwrap().unwrap_err().to_string();
+        assert!(why.contains("deadline missed"), "{name}: {why}");
+        assert!(cycles <= CYCLES && moved == 0 && ended.stops >= 1, "{name}: {cycles} cycles, {moved} commands");
+        line(&format!("{name} hangs, real time"), cycles, ended.rows, &why);
+    }
+}
+
+#[test]
+fn a_drive_goes_on_when_what_was_late_comes_back_and_its_files_show_a_gap() {
+    for name in ["law", "disk", "view"] {
+        let (ended, cycles, moved) = late(name, Way::Excited, 1000.0 * PERIOD);
+        let recording = ended.outcome.unwrap().unwrap_or_else(|e| panic!("{name}: {e}"));
+        let remark = recording.warnings.iter().find(|w| w.contains("the next command was late")).unwrap();
+        assert!(cycles <= CYCLES && moved > 40, "{name}: {cycles} cycles, {moved} commands");
+        let segments = recording.segments().len();
+        assert!(segments >= 2 && ended.segments == [segments; 2], "{name}: {segments} and, in the files, {:?}", ended.segments);
+        line(&format!("{name} late, real time"), cycles, ended.rows, remark);
+    }
 }
 
 #[test]
 fn a_full_disk_stops_before_the_command_whose_row_was_not_kept() {
     let disk = Box::leak(Box::new(FullDisk(STRIKE - 1)));
-    let ended = ended_by("disk full", "no space left", false, |mut o| {
+    let ended = ended_by("disk full", "no space left", |mut o| {
         o.sinks.push(disk);
         o
     });

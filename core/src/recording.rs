@@ -7,6 +7,10 @@ use thiserror::Error;
 
 use crate::channel;
 
+/// Rows further apart than this many median periods are a break: the robot went unobserved for several periods, and
+/// neither a filter nor a held command can be trusted across it.
+pub const GAP_PERIODS: f64 = 5.0;
+
 /// One named column of a recording.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Column {
@@ -260,7 +264,7 @@ impl Recording {
         Err(RecordingError::NoMotion { columns: list(present.iter().map(|c| c.name.as_str())), hint: String::new() })
     }
 
-    /// Breaks segments wherever two rows are more than `factor` median periods apart, and says so in the warnings.
+    /// Breaks segments wherever two rows are more than `factor` median periods apart ([`GAP_PERIODS`]), and says so in the warnings.
     pub fn split_at_gaps(&mut self, factor: f64) {
         let limit = factor * self.period();
         let mut split = Vec::with_capacity(self.segments.len());

@@ -40,7 +40,7 @@ pub struct Tracker<'a> {
 /// What a tracked run was, one value a row.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct TrackLog {
-    /// Time since the start \[s\].
+    /// Time on the trajectory \[s\]: since the start, less the time for which the robot stood because somebody was late.
     pub time: Vec<f64>,
     /// Desired motion.
     pub reference: Vec<Reference>,

@@ -16,7 +16,7 @@ use std::time::{Duration, Instant};
 use serde_json::Value;
 use wheelwright_core::robot::{Live, RobotError};
 use wheelwright_robots::emulator::Emulator;
-use wire::{agree, emulate, identify, robot};
+use wire::{agree, emulate, identify, robot, stands_beside_a_late_law};
 
 /// Set inside a network of its own.
 const INSIDE: &str = "WHEELWRIGHT_TEST_NETWORK";
@@ -191,6 +191,24 @@ fn zero_is_commanded_several_times_and_stamps_are_of_the_robots_clock() {
         assert!(zeros >= 3, "zero came {zeros} times at the end");
         let oldest = commands.iter().map(|said| said["age"].as_f64().unwrap().abs()).fold(0.0, f64::max);
         assert!(oldest < 0.5, "a command was {oldest} s off, which the robot would have ignored");
+    });
+}
+
+#[test]
+fn a_robot_is_told_to_stand_beside_a_law_that_is_late_and_drives_on() {
+    alone("a_robot_is_told_to_stand_beside_a_law_that_is_late_and_drives_on", || {
+        let Some(peer) = Peer::start("robot --type twist --best-effort") else { return };
+        let told = || peer.said("command").last().map_or([0.0; 2], |said| pair(&said["command"]));
+        stands_beside_a_late_law("Cyclone DDS", &mut driver("period = 0.1").unwrap(), told);
+    });
+}
+
+#[test]
+fn the_emulator_is_told_to_stand_beside_a_law_that_is_late_and_drives_on() {
+    alone("the_emulator_is_told_to_stand_beside_a_law_that_is_late_and_drives_on", || {
+        let emulator = emulator("command_type = 'twist'");
+        let held = || [emulator.state().v_ref, emulator.state().omega_ref];
+        stands_beside_a_late_law("emulator", &mut driver("period = 0.1").unwrap(), held);
     });
 }
 

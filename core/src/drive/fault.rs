@@ -124,6 +124,20 @@ pub enum DriveFault {
         /// Time since the start \[s\].
         t: f64,
     },
+    /// The program was late for its own command again and again.
+    #[error(
+        "the next command was late {times} times in {commands} at t = {t:.3} s: what decides, keeps or shows commands is too slow for a control period of {period} s"
+    )]
+    TooLate {
+        /// Times, the last one with them.
+        times: usize,
+        /// Commands sent until then.
+        commands: usize,
+        /// Control period \[s\].
+        period: f64,
+        /// Time since the start \[s\].
+        t: f64,
+    },
     /// The robot took too long over a control period.
     #[error("the robot took {took_s:.3} s for a control period of {period} s (t = {t:.3} s)")]
     SlowRobot {

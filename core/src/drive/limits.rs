@@ -134,6 +134,11 @@ impl Limiter {
         }
     }
 
+    /// Takes note that the robot was told to stand.
+    pub fn stand(&mut self) {
+        self.last = [0.0; 2];
+    }
+
     /// What was held back so far.
     pub fn bites(&self) -> &[Bite] {
         &self.bites

@@ -5,8 +5,10 @@
 //!
 //! [`steer`] is the loop, for whatever decides commands; [`drive`] is the same for an excitation. Everything that keeps it safe is
 //! a small type of its own: [`limits`] hold commands back, [`floor`] foresees where the robot would come to rest, [`guard`] doubts
-//! what the robot says, a [`dead_man`] switch has to be held, [`sink`]s keep each row before its command is sent, and a robot in real
-//! time is stopped at the deadline whatever law, sink or observer is still at work.
+//! what the robot says, a [`dead_man`] switch has to be held, and [`sink`]s keep each row before its command is sent.
+//!
+//! A robot in real time does not wait for a law, a sink or an observer: two periods after a measurement it is told to stand beside them,
+//! and stopped at the deadline. If they come back before, the drive goes on from a new measurement, with a gap in the rows.
 
 pub mod dead_man;
 mod fault;
@@ -19,18 +21,17 @@ pub mod watchdog;
 
 use std::ops::ControlFlow;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::{Duration, Instant};
 
 use crate::excitation::Excitation;
 use crate::profile::Limits;
-use crate::recording::{Recording, RecordingError};
+use crate::recording::{GAP_PERIODS, Recording, RecordingError};
 use crate::robot::Live;
 
 pub use dead_man::DeadMan;
 pub use fault::{DriveError, DriveFault};
 pub use floor::{Floor, FloorWatch, Leaving};
 pub use guard::Guard;
-use keeper::minded;
+use keeper::Keeper;
 pub use limits::{Bite, LimitError, Limiter, Wheels};
 pub use sink::{RowSink, Rows, SinkError};
 pub use watchdog::Watchdog;
@@ -40,10 +41,6 @@ pub use watchdog::Watchdog;
 const SLOWEST_CLOCK: f64 = 0.1;
 /// Time that frozen data are let pass unless told otherwise \[s\].
 const PATIENCE: f64 = 0.5;
-/// The program's own deadline unless told otherwise: so many periods, and at least so many seconds.
-const DEADLINE: (f64, f64) = (2.0, 0.25);
-/// A robot may take this many periods, and this many seconds, for one.
-const SLOWEST_STEP: (f64, f64) = (10.0, 1.0);
 
 /// What a drive keeps within.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -58,8 +55,8 @@ pub struct Safety {
     pub time: Option<f64>,
     /// Time \[s\] that measurements may stay the same, to the last bit, while motion is commanded.
     pub frozen: f64,
-    /// Longest time \[s\] from a measurement to the command that answers it, on a robot that lives in real time. By default two
-    /// periods, and at least 0.25 s.
+    /// Longest time \[s\] from a measurement to the command that answers it, on a robot that lives in real time: then the drive ends.
+    /// The robot stands from two periods on. By default two periods, and at least 0.25 s.
     pub deadline: Option<f64>,
 }
 
@@ -104,7 +101,7 @@ pub struct DriveProgress<'a> {
 }
 
 /// Decides commands: given the time \[s\] and what was measured then, it writes the command to be held for a period, and may end
-/// the drive with `Break`.
+/// the drive with `Break`. Its time leaves out those for which a robot in real time had to stand because somebody was late.
 pub type Law<'a> = dyn FnMut(f64, &[f64], &mut [f64]) -> Result<ControlFlow<()>, DriveFault> + 'a;
 
 /// Drives a robot with an excitation and records `t`, the commands and the measurements, `t` counted from the first
@@ -145,6 +142,8 @@ pub fn steer(robot: &mut Live, duration: f64, law: &mut Law<'_>, mut options: Dr
     }
     let recording = rows.into_recording().map(|mut recording: Recording| {
         recording.warnings = remarks;
+        // As whoever reads its files.
+        recording.split_at_gaps(GAP_PERIODS);
         recording
     });
     conclude(outcome.and(finished.map_err(DriveFault::from)), stopped, recording)
@@ -176,57 +175,65 @@ fn cycles(
     let safety = options.safety;
     let period = robot.period();
     positive("the drive's duration", duration)?;
-    positive("the robot's control period", period)?;
     let duration = shortened(duration, safety.time, remarks)?;
     let mut limiter = Limiter::new(safety.limits, safety.wheels, robot.inputs())?;
     let mut floor = floor_watch(&safety, robot)?;
-    let mut clock = Pace::new(robot, &safety);
     let (inputs, outputs) = (robot.inputs().len(), robot.outputs().len());
     let (mut command, mut measured, mut row) = (vec![0.0; inputs], vec![0.0; outputs], vec![0.0; inputs + outputs]);
     let most_steps = (duration / period / SLOWEST_CLOCK).ceil();
-    let start = robot.measure(&mut measured)?;
-    clock.measured();
-    let mut guard = Guard::begin(robot.inputs(), robot.outputs(), period, safety.frozen, start, &measured)?;
-    let (mut t, mut since, mut steps) = (0.0, period, 0_usize);
+    let mut keeper = Keeper::begin(robot, &safety, &mut measured)?;
+    // The plan waits while the robot has to stand because somebody was late.
+    let (mut since, mut waited) = (period, 0.0);
     let outcome = loop {
-        let going = match clock.mind(robot, t, || law(t, &measured, &mut command)) {
+        let (t, planned) = (keeper.t(), keeper.t() - waited);
+        let going = match keeper.mind(|| law(planned, &measured, &mut command)) {
             Ok(going) => going,
             Err(fault) => break Err(fault),
         };
         if let Some(i) = command.iter().position(|c| !c.is_finite()) {
-            break Err(DriveFault::Command { channel: robot.inputs()[i].name.to_string(), value: command[i], t });
+            break Err(DriveFault::Command { channel: keeper.robot.inputs()[i].name.to_string(), value: command[i], t });
         }
         limiter.apply(t, since, &mut command);
         row[..inputs].copy_from_slice(&command);
-        robot.executed(&mut row[..inputs]);
+        keeper.robot.executed(&mut row[..inputs]);
         row[inputs..].copy_from_slice(&measured);
         rows.push(t, &row);
         let progress = DriveProgress { t, duration, command: &command, measured: &measured, bites: limiter.bites(), distance: None };
-        if let Err(fault) = clock.mind(robot, t, || tell(options, &row, &progress)) {
+        if let Err(fault) = keeper.mind(|| tell(options, &row, &progress)) {
             break Err(fault);
         }
         // Half a period of grace: a sum of periods seldom hits the duration to the last bit.
-        if going.is_break() || t > duration - 0.5 * period {
+        let over = |t: f64, end: f64| t > end - 0.5 * period;
+        if going.is_break() || over(planned, duration) || safety.time.is_some_and(|end| over(t, end)) {
             break Ok(());
         }
         if let Some(fault) = halted(options, t) {
             break Err(fault);
         }
+        match keeper.resume(&mut measured, |t| halted(options, t)) {
+            Ok(false) => {}
+            Ok(true) => {
+                // The command that was late is never sent: another one answers what is measured now.
+                limiter.stand();
+                (since, waited) = (period, waited + keeper.t() - t - period);
+                continue;
+            }
+            Err(fault) => break Err(fault),
+        }
         if let Some(leaving) = floor.as_mut().and_then(|floor| floor.check(&measured, &command)) {
             break Err(DriveFault::Floor { leaving, t });
         }
-        if steps as f64 >= most_steps {
-            break Err(DriveFault::SlowClock { elapsed: t, steps, period });
+        if keeper.steps() as f64 >= most_steps {
+            break Err(DriveFault::SlowClock { elapsed: t, steps: keeper.steps(), period });
         }
-        let stepped = clock.step(robot, t, &command, &mut measured).and_then(|time| guard.check(&command, time, &measured));
-        match stepped {
-            Ok(after) => (since, t) = (after - t, after),
-            Err(fault) => break Err(fault),
+        if let Err(fault) = keeper.step(&command, &mut measured) {
+            break Err(fault);
         }
-        steps += 1;
+        since = keeper.t() - t;
     };
     remarks.extend(limiter.bites().iter().map(Bite::statement));
-    remarks.extend(robot.warnings());
+    remarks.extend(keeper.remark());
+    remarks.extend(keeper.robot.warnings());
     outcome
 }
 
@@ -267,60 +274,4 @@ fn floor_watch(safety: &Safety, robot: &Live) -> Result<Option<FloorWatch>, Driv
 
 fn positive(what: &'static str, value: f64) -> Result<(), DriveFault> {
     if value.is_finite() && value > 0.0 { Ok(()) } else { Err(DriveFault::Time { what, value }) }
-}
-
-/// The program's own clock beside a robot that lives in real time.
-struct Pace {
-    real_time: bool,
-    period: f64,
-    deadline: f64,
-    /// When the last measurement came.
-    came: Instant,
-}
-
-impl Pace {
-    fn new(robot: &Live, safety: &Safety) -> Self {
-        let period = robot.period();
-        let deadline = safety.deadline.unwrap_or_else(|| (DEADLINE.0 * period).max(DEADLINE.1));
-        Self { real_time: robot.real_time(), period, deadline, came: Instant::now() }
-    }
-
-    fn measured(&mut self) {
-        self.came = Instant::now();
-    }
-
-    /// Does a part of the work between a measurement and its command; at the deadline the robot is stopped beside it.
-    fn mind<T>(&self, robot: &mut Live, t: f64, work: impl FnOnce() -> Result<T, DriveFault>) -> Result<T, DriveFault> {
-        if !self.real_time {
-            return work();
-        }
-        let left = (self.deadline - self.late()).max(0.0);
-        // A deadline longer than any duration is none.
-        let (worked, stopped) = minded(robot, Duration::try_from_secs_f64(left).unwrap_or(Duration::MAX), work);
-        if stopped { worked.and(Err(self.missed(t))) } else { worked }
-    }
-
-    /// Time since the last measurement \[s\].
-    fn late(&self) -> f64 {
-        self.came.elapsed().as_secs_f64()
-    }
-
-    fn missed(&self, t: f64) -> DriveFault {
-        DriveFault::Deadline { late_s: self.late(), limit_s: self.deadline, t }
-    }
-
-    /// Holds the command for a period, unless it is too late for it.
-    fn step(&mut self, robot: &mut Live, t: f64, command: &[f64], measured: &mut [f64]) -> Result<f64, DriveFault> {
-        if self.real_time && self.late() > self.deadline {
-            return Err(self.missed(t));
-        }
-        let sent = Instant::now();
-        let time = robot.step(command, measured)?;
-        self.came = Instant::now();
-        let took_s = (self.came - sent).as_secs_f64();
-        if self.real_time && took_s > (SLOWEST_STEP.0 * self.period).max(SLOWEST_STEP.1) {
-            return Err(DriveFault::SlowRobot { took_s, period: self.period, t });
-        }
-        Ok(time)
-    }
 }

@@ -2,14 +2,15 @@
 
 use std::cell::Cell;
 use std::ops::ControlFlow;
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
 use serde::{Deserialize, Serialize};
 use wheelwright_core::channel::{self, Channel};
 use wheelwright_core::drive::{DriveError, DriveFault, DriveOptions, DriveProgress, Safety, drive, steer};
 use wheelwright_core::excitation::{Excitation, ExcitationError};
+use wheelwright_core::profile::Limits;
 use wheelwright_core::robot::{Live, Robot, RobotError};
 
 static INPUTS: [Channel; 1] = [channel::V_REF];
@@ -38,7 +39,11 @@ struct Fake {
     v: f64,
     x: f64,
     stops: Arc<AtomicUsize>,
+    told: Told,
 }
+
+/// The commands that a robot was told, one a period.
+type Told = Arc<Mutex<Vec<f64>>>;
 
 fn lost() -> RobotError {
     RobotError::Connection("cable cut".to_owned())
@@ -64,6 +69,7 @@ impl Robot for Fake {
     fn step(&mut self, command: &[f64], measured: &mut [f64]) -> Result<f64, RobotError> {
         assert_eq!(self.stops.load(Ordering::Relaxed), 0, "commanded after a stop");
         self.steps += 1;
+        self.told.lock().unwrap().push(command[0]);
         self.v = command[0];
         self.x += PERIOD * self.v;
         let mut advance = PERIOD;
@@ -123,9 +129,15 @@ impl Excitation for Signal {
 
 /// A robot with its clock at 100 s, and the count of its stops.
 fn fake(flaw: Flaw) -> (Live, Arc<AtomicUsize>) {
-    let stops = Arc::new(AtomicUsize::new(0));
-    let robot = Fake { flaw, steps: 0, t: 100.0, v: 0.0, x: 0.0, stops: stops.clone() };
-    (Live::new(Box::new(robot)), stops)
+    let (robot, stops, _) = overheard(flaw);
+    (robot, stops)
+}
+
+/// The same, and what it is told.
+fn overheard(flaw: Flaw) -> (Live, Arc<AtomicUsize>, Told) {
+    let (stops, told) = (Arc::new(AtomicUsize::new(0)), Told::default());
+    let robot = Fake { flaw, steps: 0, t: 100.0, v: 0.0, x: 0.0, stops: stops.clone(), told: told.clone() };
+    (Live::new(Box::new(robot)), stops, told)
 }
 
 /// Drives a flawed robot: the error, and how often it was stopped before the guard went.
@@ -244,6 +256,76 @@ fn a_robot_is_stopped_at_the_deadline_beside_a_law_or_a_view_that_does_not_retur
         assert!(matches!(error.fault, DriveFault::Deadline { limit_s: 0.5, .. }), "{error}");
         assert_eq!(rows(&error), if law_hangs { 3 } else { 4 });
     }
+}
+
+/// Waits until a robot is told to stand.
+fn told_to_stand(told: &Told) {
+    let begun = Instant::now();
+    while told.lock().unwrap().last() != Some(&0.0) {
+        assert!(begun.elapsed() < Duration::from_secs(20), "nobody told the robot to stand");
+        std::thread::sleep(Duration::from_millis(1));
+    }
+}
+
+/// The robot counts its periods, so that each row can be held against what it was told then. Stands that a busy machine causes are like
+/// the one that the test causes.
+#[test]
+fn a_robot_stands_beside_late_work_and_no_row_claims_another_command_for_that_time() {
+    let limits = Limits { v_dot: Some(2.0), ..Limits::default() };
+    let safety = Safety { limits, deadline: Some(60.0), ..Safety::default() };
+    for law_is_late in [true, false] {
+        let (mut robot, stops, told) = overheard(Flaw::None);
+        let (late, mut asked) = (Cell::new(true), Vec::new());
+        let wait = |is_late: bool, t: f64| {
+            if is_late && t > 0.85 && late.take() {
+                told_to_stand(&told);
+            }
+        };
+        let mut law = |t: f64, _: &[f64], command: &mut [f64]| {
+            command[0] = 1.0 + t;
+            asked.push(t);
+            wait(law_is_late, t);
+            Ok(ControlFlow::Continue(()))
+        };
+        let mut observer = |p: &DriveProgress<'_>| wait(!law_is_late, p.t);
+        let options = DriveOptions { safety, observer: Some(&mut observer), ..DriveOptions::default() };
+        let recording = steer(&mut robot, 2.0, &mut law, options).unwrap();
+        assert_eq!(stops.load(Ordering::Relaxed), 1, "the drive went on until its end");
+        assert!(recording.warnings.iter().any(|w| w.contains("the next command was late")), "{:?}", recording.warnings);
+        assert_eq!(asked.len(), 21);
+        assert!(asked.windows(2).all(|pair| (pair[1] - pair[0] - PERIOD).abs() < 1e-9), "the plan waits: {asked:?}");
+
+        let told = told.lock().unwrap();
+        let (t, v_ref) = (recording.time(), recording.column("v_ref").unwrap());
+        let period = |row: usize| (t[row] / PERIOD).round() as usize;
+        assert!(recording.segments().len() >= 2);
+        for segment in recording.segments() {
+            for row in segment.rows.start..segment.rows.end - 1 {
+                assert_eq!((period(row + 1), v_ref[row]), (period(row) + 1, told[period(row)]), "row {row}");
+            }
+            assert!(v_ref[segment.rows.start] <= 2.0 * PERIOD + 1e-9, "from rest it starts within its limits");
+        }
+        for again in recording.segments()[1..].iter().map(|segment| segment.rows.start) {
+            assert!(told[period(again - 1)..period(again)].iter().all(|command| *command == 0.0), "{told:?}");
+        }
+    }
+}
+
+#[test]
+fn who_is_late_again_and_again_does_not_drive() {
+    let (mut robot, stops, told) = overheard(Flaw::None);
+    let mut law = |_: f64, _: &[f64], command: &mut [f64]| {
+        command[0] = 1.0;
+        let begun = Instant::now();
+        while begun.elapsed() < Duration::from_secs_f64(2.6 * PERIOD) {
+            std::thread::sleep(Duration::from_millis(10));
+        }
+        Ok(ControlFlow::Continue(()))
+    };
+    let safety = Safety { deadline: Some(60.0), ..Safety::default() };
+    let error = steer(&mut robot, 2.0, &mut law, DriveOptions { safety, ..DriveOptions::default() }).unwrap_err();
+    assert!(matches!(error.fault, DriveFault::TooLate { times: 3, commands: 0, .. }), "{error}");
+    assert!(stops.load(Ordering::Relaxed) >= 1 && told.lock().unwrap().iter().all(|command| *command == 0.0));
 }
 
 #[test]

@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 
 use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
 
-use crate::common::wire::{agree, emulate, identify, robot};
+use crate::common::wire::{agree, emulate, identify, robot, stands_beside_a_late_law};
 use wheelwright_core::robot::{Live, RobotError};
 use wheelwright_robots::emulator::Emulator;
 
@@ -207,6 +207,16 @@ fn a_silent_robot_is_told_to_stand_within_two_cycles() {
         let zero = emulator.commands().into_iter().find(|c| c.arrival > last && c.state.v_ref == 0.0).unwrap();
         let waited = zero.arrival - last;
         assert!(waited < Duration::from_millis(260), "{kind}: zero was commanded {waited:?} after the last packet");
+    }
+}
+
+#[test]
+fn each_robot_is_told_to_stand_beside_a_law_that_is_late_and_drives_on() {
+    let pioneer = emulate("type = 'pioneer'\nlisten = '127.0.0.1:0'\nacceleration = 2000", PIONEER);
+    let khepera = emulate("type = 'khepera'\nlisten = '127.0.0.1:0'", "type = 'simulator'\nrobot = 'khepera-3'");
+    for (name, emulator, more) in [("pioneer", pioneer, "[limits]\nv_dot = 2.0\nomega_dot = 5.0"), ("khepera", khepera, "period = 0.05")] {
+        let mut robot = robot(&format!("type = '{name}'\ntcp = '{}'\n{more}", emulator.address())).unwrap();
+        stands_beside_a_late_law(name, &mut robot, || [emulator.state().v_ref, emulator.state().omega_ref]);
     }
 }
 

@@ -1,10 +1,13 @@
 //! What the tests of drivers and emulators share: robots from their configuration, and theta through a wire.
 #![allow(dead_code, unreachable_pub, missing_docs, clippy::unwrap_used, clippy::panic)]
 
+use std::ops::ControlFlow;
+use std::time::{Duration, Instant};
+
 use toml::Table;
 use wheelwright_core::config::tagged;
 use wheelwright_core::dataset::Dataset;
-use wheelwright_core::drive::{DriveOptions, drive};
+use wheelwright_core::drive::{DriveOptions, Safety, drive, steer};
 use wheelwright_core::excitation::Excitation;
 use wheelwright_core::model::ModelConfig;
 use wheelwright_core::robot::{Live, RobotConfig, RobotError};
@@ -57,4 +60,29 @@ pub fn agree(name: &str, direct: &Solution, through: &Solution, share: f64, abso
         assert!(off.abs() <= 2.0 * wide[i], "{name}, theta{}: {a} directly, {b} ± {} through the wire", i + 1, wide[i]);
         assert!(off.abs() <= (share * a.abs()).max(absolute), "{name}, theta{}: {a} directly, {b} through the wire", i + 1);
     }
+}
+
+/// Drives a robot in real time whose law, once, does not come back until the robot holds zero: the driver tells it so beside the law, and
+/// goes on. `held` is the command that the robot at the other end holds.
+pub fn stands_beside_a_late_law(name: &str, robot: &mut Live, held: impl Fn() -> [f64; 2]) {
+    let mut rows = 0;
+    let mut law = |_: f64, _: &[f64], command: &mut [f64]| {
+        command.copy_from_slice(&[0.1, 0.2]);
+        rows += 1;
+        let begun = Instant::now();
+        while rows == 30 && held() != [0.0; 2] {
+            assert!(begun.elapsed() < Duration::from_secs(20), "{name}: nobody told the robot to stand");
+            std::thread::sleep(Duration::from_millis(1));
+        }
+        Ok(ControlFlow::Continue(()))
+    };
+    let safety = Safety { deadline: Some(60.0), ..Safety::default() };
+    let duration = 60.0 * robot.period();
+    let recording = steer(robot, duration, &mut law, DriveOptions { safety, ..DriveOptions::default() }).unwrap();
+    println!("{name}: {:?}", recording.warnings);
+    assert!(recording.warnings.iter().any(|w| w.contains("the next command was late")), "{name}: {:?}", recording.warnings);
+    assert!(recording.segments().len() >= 2, "{name}");
+    let last = &recording.segments()[recording.segments().len() - 1].rows;
+    let v = recording.column("v").unwrap();
+    assert!((v[last.end - 1] - 0.1).abs() < 0.03, "{name}: it drives again: {:?}", &v[last.clone()]);
 }
