@@ -69,5 +69,6 @@ fn a_driver_that_hangs_while_tracking_is_told_to_stop_beside_its_call() {
 #[test]
 fn a_model_that_hangs_in_the_controller_leaves_a_robot_that_was_told_to_stop() {
     let Some(told) = tracked_until("HANG_LAW", "the program ends so that the link goes down") else { return };
+    assert!(told.iter().any(|told| told == STAND), "told to stand before it was told to stop: {told:?}");
     stopped_after(&told, STRIKE);
 }
