@@ -70,6 +70,10 @@ impl Robot for Fake {
         assert_eq!(self.stops.load(Ordering::Relaxed), 0, "commanded after a stop");
         self.steps += 1;
         self.told.lock().unwrap().push(command[0]);
+        if command[0] == 0.0 {
+            // Standing takes time, so that work that comes back finds the first period not over.
+            std::thread::sleep(Duration::from_millis(20));
+        }
         self.v = command[0];
         self.x += PERIOD * self.v;
         let mut advance = PERIOD;
