@@ -25,6 +25,8 @@ use crate::untestable;
 const TWO_SIDED_95: f64 = 1.959_964;
 /// Rivals this near in penalised evidence cannot be told from what was found.
 pub(crate) const AMBIGUOUS: f64 = 6.0;
+/// The parameter of an effect that begins during a recording.
+const BEGINS: &str = "time_s";
 /// How an effect says of another that no drive tells them apart.
 const ALWAYS: &str = "always";
 /// Rivals up to here are mentioned.
@@ -55,7 +57,7 @@ pub(crate) fn tell(
     let noise = &selected.whitening.noise;
     let proof = Proven::new(question, search, selected);
     let (findings, open) = findings(search, selected, &proof);
-    let (mut flags, location) = review(question, search, selected)?;
+    let (mut flags, location) = review(question, search, selected, &findings)?;
     flags.extend(search.effects(&selected.state.effects).iter().zip(&findings).filter_map(|(effect, finding)| beyond(*effect, finding)));
     if !findings.is_empty() {
         flags.extend(following(setting, noise, &selected.base));
@@ -404,8 +406,13 @@ fn numerical(setting: &Setting<'_>, fit: &Fit) -> bool {
     })
 }
 
-/// Tests without a library on what the final model leaves.
-fn review(question: &Question<'_>, search: &Search<'_>, selected: &Selected) -> Result<(Vec<Flag>, Location), DiagnosisError> {
+/// Tests without a library on what the final model leaves, and where the base model is off.
+fn review(
+    question: &Question<'_>,
+    search: &Search<'_>,
+    selected: &Selected,
+    findings: &[Finding],
+) -> Result<(Vec<Flag>, Location), DiagnosisError> {
     let setting = &search.setting;
     let free = setting.free();
     let state = &selected.state;
@@ -442,8 +449,10 @@ fn review(question: &Question<'_>, search: &Search<'_>, selected: &Selected) -> 
         jacobian: jacobian.collect(),
         half_track: setting.scene.frame.half_track(),
     };
-    let explained = state.fit.likelihood(setting) - selected.base.likelihood(setting);
-    let (flags, location) = adequacy::review(&residuals, setting.scene, &without, explained, question.seed)?;
+    let gain = state.fit.likelihood(setting) - selected.base.likelihood(setting);
+    let times = findings.iter().flat_map(|f| &f.parameters).filter(|p| p.name == BEGINS).map(|p| p.value);
+    let explained = adequacy::Explained { without: &without, since: times.min_by(f64::total_cmp), gain };
+    let (flags, location) = adequacy::review(&residuals, setting.scene, &explained, question.seed)?;
     // The pattern of numerical error is nobody's physics.
     Ok((if numerical(setting, &selected.state.fit) { Vec::new() } else { flags }, location))
 }

@@ -25,6 +25,8 @@ pub struct Comparison<'a> {
     pub model: &'a [Channels],
     /// Free run with the same parameters and starts, but every effect neutral: what the effects do, nothing refitted.
     pub without: &'a [Channels],
+    /// When the first of the effects begins that begin during the recording \[s\].
+    pub since: Option<f64>,
     /// Whitened measured − `model`, of unit variance, a stretch each.
     pub white: &'a [Channels],
     /// Whitens a series of an output within a stretch, as `white` was.

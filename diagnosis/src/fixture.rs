@@ -90,7 +90,7 @@ impl Case {
         Self::new(seed, |_, i, y, _, random| y + NOISE[i] * normal(random))
     }
 
-    /// Hands the comparison to a test as a fit of the truth would, `without` being the same run or another.
+    /// Hands the comparison to a test as a fit of the truth would, the base and `without` being the same run or another.
     pub(crate) fn compare<T>(&self, without: Option<&[Channels]>, f: impl FnOnce(&Comparison<'_>) -> T) -> T {
         let white: Vec<Channels> = self
             .data
@@ -104,9 +104,10 @@ impl Case {
         f(&Comparison {
             data: &self.data,
             scene: &self.scene,
-            base: &self.truth,
+            base: without.unwrap_or(&self.truth),
             model: &self.truth,
             without: without.unwrap_or(&self.truth),
+            since: None,
             white: &white,
             whiten: &whiten,
             noise: &self.noise,

@@ -11,18 +11,21 @@ use crate::finding::Location;
 use crate::locate::locate;
 use crate::residuals::{Flag, Residuals, Series};
 
-/// The tests' flags and where the misfit lies. `without` is the free run of the final fit with every effect neutral, nothing refitted;
-/// `explained` twice the log-likelihood that the effects gained on the base model.
+/// What the effects that were found do.
+pub struct Explained<'a> {
+    /// Free run of the final fit with every effect neutral, nothing refitted.
+    pub without: &'a Series,
+    /// When the first of them begins that begin during the recording \[s\].
+    pub since: Option<f64>,
+    /// Twice the log-likelihood that they gained on the base model.
+    pub gain: f64,
+}
+
+/// The tests' flags and where the misfit lies.
 ///
 /// # Errors
 /// [`ModelError`] if the model cannot be evaluated at the fitted parameters.
-pub fn review(
-    residuals: &Residuals<'_>,
-    scene: &Scene,
-    without: &Series,
-    explained: f64,
-    seed: u64,
-) -> Result<(Vec<Flag>, Location), ModelError> {
+pub fn review(residuals: &Residuals<'_>, scene: &Scene, explained: &Explained<'_>, seed: u64) -> Result<(Vec<Flag>, Location), ModelError> {
     let outputs = residuals.data.outputs.len();
     let mut linear = vec![0.0; outputs * outputs];
     linear_part(residuals.model, &residuals.theta_final, &mut linear)?;
@@ -56,7 +59,8 @@ pub fn review(
         scene,
         base: &residuals.base,
         model: &residuals.last,
-        without,
+        without: explained.without,
+        since: explained.since,
         white: &white,
         whiten: &whiten,
         noise: &noise.deviation,
@@ -64,7 +68,7 @@ pub fn review(
         jacobian: &jacobian,
     };
     let found = examine(&comparison, seed);
-    let flags = flags(&found, &comparison, explained);
+    let flags = flags(&found, &comparison, explained.gain);
     let location = locate(&comparison, found.sentences(&comparison));
     Ok((flags, location))
 }

@@ -10,7 +10,7 @@ mod orders;
 pub mod structure;
 
 pub use bursts::Burst;
-pub use flags::review;
+pub use flags::{Explained, review};
 pub use jitter::Jitter;
 pub use lattice::{Counts, Lattice};
 pub use orders::OrderLine;
@@ -94,6 +94,7 @@ pub(crate) fn unjittered(data: &Dataset, scene: &Scene, run: &[Channels], left: 
         base: run,
         model: run,
         without: run,
+        since: None,
         white: &white,
         whiten: &|_, _| (),
         noise: &noise.deviation,

@@ -1,12 +1,18 @@
 //! The wheels slip on the ground while they push.
 //!
-//! `creep`: of the drive a at a wheel a/(1 + λ|s|) arrives, s its ground speed. A tyre's force is proportional to slip over speed, so
-//! that slip's share of the speed, and with it the time the ground speed takes to follow the wheel, grows with speed.
+//! A tyre carries a force by its slip: the speed by which the rim runs ahead of the hub or behind it, over the faster of the two (Pacejka,
+//! Tyre and Vehicle Dynamics, section 1.2). The wheel's loop sees the wheel: of its push a, in units of the command, it withdraws what the
+//! rim runs ahead, so that a − σ is carried, σ that speed.
 //!
-//! `grip`: the ground holds no more than an acceleration a_max of the robot's mass; a drive beyond that spins the wheel. On the way there
-//! the tyre creeps as a brush does (Pacejka, Tyre and Vehicle Dynamics, section 3.2): of its drive a(1 − y³) arrives in units of a_max, y the share of its contact
-//! that still sticks. The wheel's loop sees the wheel, which runs ahead of the ground by 3 λ|s| (1 − y), so that y³ + 3λ|s| y = 1 + 3λ|s| −
-//! |a|/a_max. a_max/g is the friction coefficient if the driven wheels carry all weight.
+//! `creep`: the slip is λ times what is carried. Where the robot is fast, a/(1 + λ|s|) arrives, s the ground speed: the time that the
+//! robot takes to follow its wheels grows with speed. From rest not more than 1/λ is carried: a wheel that turns in its place slips wholly.
+//!
+//! `grip`: the ground holds no more than an acceleration a_max of the robot's mass; a push beyond that spins the wheel. On the way there
+//! the tyre creeps as a brush does (the same, section 3.2): where the share y of its contact sticks, a_max (1 − y³) is carried at the slip
+//! 3λ a_max (1 − y). a_max/g is the friction coefficient if the driven wheels carry all weight.
+//!
+//! A wheel has an inertia of its own, and comes up to the speed of its slip in a time: alone it would take `spin_up`, and the ground helps it
+//! where it hardly slips. The push that arrives lags by spin_up λ|s|/(1 + λ|s|).
 
 use serde::{Deserialize, Serialize};
 use wheelwright_core::Effect;
@@ -37,6 +43,8 @@ pub struct WheelSlip {
 
 /// Standard gravity \[m/s²\].
 const GRAVITY: f64 = 9.80665;
+/// Time in which a wheel and its motor alone come up to speed on most robots \[s\]: a part of what the whole robot takes.
+const SPIN_UP: f64 = 0.05;
 
 #[typetag::serde(name = "wheel_slip")]
 impl Effect for WheelSlip {
@@ -61,12 +69,14 @@ impl Effect for WheelSlip {
 
     fn parameters(&self, scene: &Scene) -> Vec<EffectParameter> {
         let speed = scene.scales.speed;
+        let spin_up = || EffectParameter::new("spin_up", "s", (0.0, 1.0), 0.4 * SPIN_UP).neutral(0.0).usually(0.0, SPIN_UP);
         let creep = || EffectParameter::new("creep", "s/m", (0.0, 100.0 / speed), 0.05 / speed).neutral(0.0);
         match self.law {
-            SlipLaw::Creep => vec![creep()],
+            SlipLaw::Creep => vec![creep(), spin_up()],
             SlipLaw::Grip => {
                 let least = (0.02 * speed).min(GRAVITY);
-                vec![EffectParameter::new("grip", "m/s2", (least, f64::INFINITY), 0.1 * speed).neutral(f64::INFINITY), creep()]
+                let grip = EffectParameter::new("grip", "m/s2", (least, f64::INFINITY), 0.1 * speed).neutral(f64::INFINITY);
+                vec![grip, creep(), spin_up()]
             }
         }
     }
@@ -74,11 +84,11 @@ impl Effect for WheelSlip {
     fn starts(&self, scene: &Scene) -> Vec<Start> {
         let speed = scene.scales.speed;
         match self.law {
-            SlipLaw::Creep => vec![Start { values: vec![0.05 / speed], columns: vec![vec![0]], linear: true }],
+            SlipLaw::Creep => vec![Start { values: vec![0.05 / speed, 0.0], columns: vec![vec![0]], linear: true }],
             SlipLaw::Grip => [8.0, 5.6, 4.0, 2.8, 2.0, 1.4, 1.0, 0.7, 0.5, 0.35]
                 .into_iter()
                 .map(|share| (share * speed).min(2.0 * GRAVITY))
-                .map(|grip| Start { values: vec![grip, 0.05 / speed], columns: vec![vec![0], vec![1]], linear: false })
+                .map(|grip| Start { values: vec![grip, 0.05 / speed, 0.0], columns: vec![vec![0], vec![1]], linear: false })
                 .collect(),
         }
     }
@@ -126,29 +136,140 @@ impl Effect for WheelSlip {
         }
     }
 
-    fn drive(&self, p: &[f64], at: &Instant<'_>, motion: &Motion<'_>, _state: &[f64], drive: &mut [f64]) {
+    /// By wheel, the push behind the wheel's spinning up: what it was, the wheel's own push then, and the share of a change since then that
+    /// arrives at once.
+    fn states(&self, _scene: &Scene) -> usize {
+        6
+    }
+
+    fn begin(&self, _p: &[f64], _at: &Instant<'_>, _inputs: &[f64], _outputs: &[f64], state: &mut [f64]) {
+        state.copy_from_slice(&[0.0, 0.0, 1.0, 0.0, 0.0, 1.0]);
+    }
+
+    fn drive(&self, p: &[f64], at: &Instant<'_>, motion: &Motion<'_>, state: &[f64], drive: &mut [f64]) {
         let frame = &at.scene.frame;
-        let (pushes, speeds) = (frame.wheels(drive), frame.wheels(motion.outputs));
-        let arriving = match self.law {
-            SlipLaw::Creep => [0, 1].map(|i| pushes[i] / (1.0 + p[0] * speeds[i].abs())),
-            SlipLaw::Grip => {
-                let i = motion.inertia;
-                // What one unit of forward acceleration takes at each wheel.
-                let needs = if matches!(frame, Frame::Body { .. }) { [i[0]; 2] } else { [i[0] + i[1], i[2] + i[3]] };
-                [0, 1].map(|side| brushed(pushes[side], p[0] * needs[side], p[1] * speeds[side].abs()))
+        let (pushes, speeds, needs) = (frame.wheels(drive), frame.wheels(motion.outputs), needs(frame, motion));
+        let unit = per_speed(at.scene);
+        let arriving = [0, 1].map(|i| {
+            let push = Push::of(spun(&state[3 * i..], pushes[i]), unit * speeds[i]);
+            match self.law {
+                SlipLaw::Creep => push.crept(p[0] / unit),
+                SlipLaw::Grip => push.gripped(p[0] * needs[i], p[1] / unit),
             }
-        };
+        });
         drive.copy_from_slice(&frame.from_wheels(arriving));
+    }
+
+    fn advance(&self, p: &[f64], at: &Instant<'_>, outputs: &[f64], drive: &[f64], state: &mut [f64]) {
+        let frame = &at.scene.frame;
+        let (pushes, speeds) = (frame.wheels(drive), frame.wheels(outputs));
+        let (creep, spin_up) = if self.law == SlipLaw::Creep { (p[0], p[1]) } else { (p[1], p[2]) };
+        for (i, own) in state.chunks_exact_mut(3).enumerate() {
+            let slip = creep * speeds[i].abs();
+            let spans = at.span * (1.0 + slip) / (spin_up * slip);
+            // Where the span or the lag is nothing, nothing of it is left.
+            let (kept, at_once) = if spans < AGES { ((-spans).exp(), 1.0 + (-spans).exp_m1() / spans) } else { (0.0, 1.0) };
+            own[0] = pushes[i] + kept * (spun(own, pushes[i]) - pushes[i]);
+            own[1] = pushes[i];
+            own[2] = at_once;
+        }
     }
 }
 
-/// What a brush tyre passes on of a push, if it holds no more than a limit and creep takes its share.
-fn brushed(push: f64, limit: f64, creep: f64) -> f64 {
-    if !limit.is_finite() {
-        return push / (1.0 + creep);
+/// Spans of a lag after which no digit of it is left.
+const AGES: f64 = 40.0;
+
+/// The push behind a wheel's spinning up, if the wheel's own has changed evenly since the state was reckoned.
+fn spun(state: &[f64], push: f64) -> f64 {
+    state[0] + state[2] * (push - state[1])
+}
+
+/// What one unit of forward acceleration takes at each wheel.
+fn needs(frame: &Frame, motion: &Motion<'_>) -> [f64; 2] {
+    let i = motion.inertia;
+    if matches!(frame, Frame::Body { .. }) { [i[0]; 2] } else { [i[0] + i[1], i[2] + i[3]] }
+}
+
+/// The command that a loop withdraws for each unit of speed that its wheel runs ahead: what the robot takes to hold a speed.
+fn per_speed(scene: &Scene) -> f64 {
+    scene.scales.command / scene.scales.speed
+}
+
+/// A wheel's push, and its hub's speed along it, both as commands.
+#[derive(Debug, Clone, Copy)]
+struct Push {
+    size: f64,
+    along: f64,
+    sign: f64,
+}
+
+impl Push {
+    fn of(push: f64, speed: f64) -> Self {
+        let sign = 1.0_f64.copysign(push);
+        Self { size: push.abs(), along: speed * sign, sign }
     }
-    let sticking = stuck(creep, 1.0 + 3.0 * creep - (push / limit).abs());
-    limit * (1.0 - sticking.powi(3)) * push.signum()
+
+    /// What a tyre carries whose slip is a creep times that.
+    fn crept(self, creep: f64) -> f64 {
+        let Self { size, along, sign } = self;
+        let hub = size / (1.0 + creep * along.abs());
+        if along < 0.0 && size - hub <= -2.0 * along {
+            return sign * hub;
+        }
+        // The rim is the faster: creep · carried · (along + size − carried) = size − carried.
+        let b = 1.0 + creep * (along + size);
+        sign * 2.0 * size / (b + (b * b - 4.0 * creep * size).max(0.0).sqrt())
+    }
+
+    /// What a brush carries that holds no more than a limit.
+    fn gripped(self, limit: f64, creep: f64) -> f64 {
+        if !limit.is_finite() {
+            return self.crept(creep);
+        }
+        // The part that sticks where the ground carries all, and where the hub is the faster.
+        let least = (1.0 - self.size / limit).max(0.0).cbrt();
+        if self.beyond(limit, creep, least).0 >= 0.0 {
+            return self.sign * limit.min(self.size);
+        }
+        let hub = creep * self.along.abs();
+        let first = stuck(hub, 1.0 + 3.0 * hub - self.size / limit).max(least);
+        let sticking = root((least, 1.0), first, |y| self.beyond(limit, creep, y));
+        self.sign * limit * (1.0 - sticking.powi(3))
+    }
+
+    /// By how much the rim runs further ahead than it must if the part y of the contact is to stick, and how that grows with y.
+    fn beyond(self, limit: f64, creep: f64, y: f64) -> (f64, f64) {
+        let ahead = self.size - limit * (1.0 - y.powi(3));
+        let (grows, slip) = (3.0 * limit * y * y, 3.0 * limit * creep * (1.0 - y));
+        let (hub, rim) = (self.along.abs(), self.along + ahead);
+        let (faster, gains) = if rim > hub { (rim, grows) } else { (hub, 0.0) };
+        (ahead - slip * faster, grows + 3.0 * limit * creep * faster - slip * gains)
+    }
+}
+
+/// Most steps to a root: halving alone needs no more.
+const STEPS: usize = 60;
+
+/// The root of a function that is negative at the lower end of a bracket and positive at the upper, given with its slope: by Newton's steps,
+/// and by halving where they leave the bracket.
+fn root(bracket: (f64, f64), first: f64, function: impl Fn(f64) -> (f64, f64)) -> f64 {
+    let ((mut low, mut high), mut x) = (bracket, first);
+    for _ in 0..STEPS {
+        let (value, slope) = function(x);
+        if value < 0.0 {
+            low = x
+        } else {
+            high = x
+        }
+        let newton = x - value / slope;
+        let next = if newton > low && newton < high { newton } else { 0.5 * (low + high) };
+        let moved = (next - x).abs();
+        x = next;
+        if moved <= f64::EPSILON {
+            break;
+        }
+    }
+    x
 }
 
 /// The root y of y³ + 3 p y = c for p ≥ 0, and 0 where it is negative. Cardano's u − p/u, written so that no digits cancel.

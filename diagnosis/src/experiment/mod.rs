@@ -25,7 +25,7 @@ use crate::noise::Noise;
 use drive::{Drive, Envelope};
 
 /// Lengths tried \[s\], the shortest that decides is proposed.
-const LENGTHS: [f64; 3] = [8.0, 16.0, 32.0];
+const LENGTHS: [f64; 5] = [8.0, 16.0, 32.0, 64.0, 128.0];
 /// Expected gain in twice the log-likelihood at which a pair counts as decided: odds of e^10 to one, with the scatter of the gain itself
 /// (its standard deviation is 2√D) to spare.
 const DECISIVE: f64 = 40.0;

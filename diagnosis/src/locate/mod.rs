@@ -1,8 +1,8 @@
 //! Where simulation and recording differ, in what exceeds the noise: by channel, wheel, time, state and frequency.
 //!
-//! Two signals say it. The *discrepancy* is what has to be explained: measured − base simulation, whose noise is taken off as a
-//! variance. The *contribution* is what the effects that were found do when nothing else is refitted: free of noise, and not
-//! smeared by a base model that absorbs what it can. Without effects there is only the first.
+//! Where effects were found, it is what they change: the model with them minus the base model as it is compared, free of noise, in samples
+//! in which they act. A base model that bends to what it cannot say is wrong where they do not act as well: that is told of them, not of
+//! there. Where none was found it is what was measured minus the base model, whose noise is taken off as a variance.
 
 mod regions;
 mod spectrum;
@@ -11,27 +11,30 @@ mod times;
 use crate::comparison::{Channels, Comparison};
 use crate::finding::Location;
 
-/// Squared excess of each sample, in units of the noise's variance.
+/// Where the base model is off.
 pub(crate) struct Excess {
-    /// By stretch, output, row.
+    /// By how much, in each sample: by stretch, output, row.
+    pub(crate) off: Vec<Channels>,
+    /// The same squared, in units of the noise's variance, without what noise puts in.
     pub(crate) squared: Vec<Channels>,
-    /// Whether it is the contribution of effects, free of noise.
+    /// Whether it is what effects change, free of noise.
     pub(crate) exact: bool,
 }
 
 impl Excess {
-    /// What the effects do where there are any, else what the base model leaves over.
+    /// What the effects change where there are any, else what the base model leaves over.
     pub(crate) fn of(comparison: &Comparison<'_>) -> Self {
-        let pairs = || comparison.model.iter().zip(comparison.without);
-        let exact = pairs().any(|(a, b)| a != b);
-        let squared: Vec<Channels> = if exact {
-            pairs().map(|(a, b)| channelwise(comparison, |i, k| ((a[i][k] - b[i][k]) / comparison.noise[i]).powi(2), a[0].len())).collect()
-        } else {
-            let data = comparison.data.stretches.iter().zip(comparison.base);
-            data.map(|(s, b)| channelwise(comparison, |i, k| ((s.outputs[i][k] - b[i][k]) / comparison.noise[i]).powi(2) - 1.0, s.len()))
-                .collect()
-        };
-        Self { squared, exact }
+        let exact = comparison.model.iter().zip(comparison.without).any(|(a, b)| a != b);
+        let off: Vec<Channels> = (0..comparison.data.stretches.len())
+            .map(|s| {
+                let rows = comparison.data.stretches[s].len();
+                (0..comparison.outputs()).map(|i| (0..rows).map(|k| off(comparison, exact, s, i, k)).collect()).collect()
+            })
+            .collect();
+        let noise = if exact { 0.0 } else { 1.0 };
+        let square = |i: usize, x: &f64| (x / comparison.noise[i]).powi(2) - noise;
+        let squared = off.iter().map(|o| o.iter().enumerate().map(|(i, c)| c.iter().map(|x| square(i, x)).collect()).collect()).collect();
+        Self { off, squared, exact }
     }
 
     /// Excess of a sample, over all outputs.
@@ -40,8 +43,14 @@ impl Excess {
     }
 }
 
-fn channelwise(comparison: &Comparison<'_>, value: impl Fn(usize, usize) -> f64, rows: usize) -> Channels {
-    (0..comparison.outputs()).map(|i| (0..rows).map(|k| value(i, k)).collect()).collect()
+/// By how much the base model is off in a sample; nothing before effects act that are to explain it.
+fn off(comparison: &Comparison<'_>, exact: bool, s: usize, i: usize, k: usize) -> f64 {
+    let (base, model) = (comparison.base[s][i][k], comparison.model[s][i][k]);
+    match exact {
+        false => comparison.data.stretches[s].outputs[i][k] - base,
+        true if model == comparison.without[s][i][k] => 0.0,
+        true => model - base,
+    }
 }
 
 /// Finds where. `tests` are the sentences of the tests that need no library.
@@ -50,7 +59,7 @@ pub fn locate(comparison: &Comparison<'_>, tests: Vec<String>) -> Location {
     let channels = shares_of_channels(comparison, &excess);
     let wheels = shares_of_wheels(comparison, &excess);
     let regions = regions::find(comparison, &excess);
-    let times = times::intervals(comparison, &excess);
+    let times = times::since(comparison, times::intervals(comparison, &excess));
     let changes = times::changes(comparison);
     let frequencies_hz = spectrum::bands(comparison, &excess);
     let mut location = Location { channels, wheels, times, changes, regions, frequencies_hz, statement: String::new(), tests };
@@ -74,13 +83,7 @@ fn shares_of_wheels(comparison: &Comparison<'_>, excess: &Excess) -> Option<(f64
     let mut sums = [0.0; 2];
     for (s, stretch) in comparison.data.stretches.iter().enumerate() {
         for k in 0..stretch.len() {
-            let difference: [f64; 2] = std::array::from_fn(|i| {
-                if excess.exact {
-                    comparison.model[s][i][k] - comparison.without[s][i][k]
-                } else {
-                    stretch.outputs[i][k] - comparison.base[s][i][k]
-                }
-            });
+            let difference: [f64; 2] = std::array::from_fn(|i| excess.off[s][i][k]);
             let noise = if excess.exact { [0.0; 2] } else { [comparison.noise[0], comparison.noise[1]] };
             let [left, right] = frame.wheels(&difference);
             // Independent noises add as squares: the wheels of noise of one output each.

@@ -40,12 +40,7 @@ fn energy(comparison: &Comparison<'_>, excess: &Excess, s: usize, from: f64, to:
     let n = stretch.len() as f64;
     let mut sum = 0.0;
     for i in 0..comparison.outputs() {
-        let series: Vec<f64> = (0..stretch.len())
-            .map(|k| match excess.exact {
-                true => (comparison.model[s][i][k] - comparison.without[s][i][k]) / comparison.noise[i],
-                false => (stretch.outputs[i][k] - comparison.base[s][i][k]) / comparison.noise[i],
-            })
-            .collect();
+        let series: Vec<f64> = excess.off[s][i].iter().map(|x| x / comparison.noise[i]).collect();
         let step = (to - from) / SAMPLES as f64;
         for j in 0..SAMPLES {
             let angular = std::f64::consts::TAU * (from + (j as f64 + 0.5) * step);

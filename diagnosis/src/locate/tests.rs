@@ -39,6 +39,20 @@ fn seconds_in_which_it_acts_are_the_times() {
 }
 
 #[test]
+fn where_the_base_model_bends_to_what_does_not_act_is_no_place() {
+    // The base is off all the time, the effects act from 90 s on.
+    let case = Case::clean(6);
+    let base = without(&case, |_, _, _| 0.05);
+    let neutral = without(&case, |t, _, _| if t >= 90.0 { 0.08 } else { 0.0 });
+    let times = |since| case.compare(Some(&neutral), |c| locate(&Comparison { base: &base, since, ..*c }, Vec::new()).times);
+    let end = *case.data.stretches[1].time.last().unwrap();
+    let [(from, to)] = times(None)[..] else { panic!("{:?}", times(None)) };
+    assert!((from - 90.0).abs() <= 1.0 && (to - end).abs() <= 1.0, "{from} {to}");
+    // What begins is there from then on, to the moment, whether it moves the robot or not.
+    assert_eq!(times(Some(90.4))[..], [(90.0, 90.4), (90.4, end)]);
+}
+
+#[test]
 fn a_slow_misfit_has_low_frequencies() {
     let found = located(&Case::clean(4), |t, _, _| 0.05 * (0.6 * t).sin());
     assert_eq!(found.frequencies_hz, [(0.05, 0.2)]);

@@ -37,6 +37,20 @@ pub(super) fn intervals(comparison: &Comparison<'_>, excess: &Excess) -> Vec<(f6
     intervals
 }
 
+/// What begins at a time of the recording is there from then on.
+pub(super) fn since(comparison: &Comparison<'_>, mut intervals: Vec<(f64, f64)>) -> Vec<(f64, f64)> {
+    let Some(since) = comparison.since else { return intervals };
+    intervals.retain(|(from, _)| *from < since);
+    intervals.iter_mut().for_each(|(_, to)| *to = to.min(since));
+    for stretch in &comparison.data.stretches {
+        let (first, last) = (stretch.time[0], stretch.time[stretch.len() - 1]);
+        if last > since {
+            intervals.push((first.max(since), last));
+        }
+    }
+    intervals
+}
+
 /// A time at which the energy of the base model's misfit changes for good.
 pub(super) fn changes(comparison: &Comparison<'_>) -> Vec<ChangePoint> {
     let blocks = blocks(comparison.data, 1.0);

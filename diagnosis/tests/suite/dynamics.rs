@@ -325,40 +325,77 @@ fn a_lateral_centre_of_mass_is_what_a_rigid_body_does() {
     assert!(did > 0.02, "{did}");
 }
 
+/// What arrives of a push at a wheel whose hub has a speed: the push less what the rim runs ahead, by bisection. `needed` is the slip at
+/// which the ground carries a force.
+fn carried(push: f64, speed: f64, needed: impl Fn(f64) -> f64) -> f64 {
+    let (mut low, mut high) = (0.0, push.abs());
+    for _ in 0..32 {
+        let carried = 0.5 * (low + high);
+        let ahead = push.signum() * (push.abs() - carried);
+        let slip = ahead.abs() / speed.abs().max((speed + ahead).abs());
+        if needed(carried) > slip { high = carried } else { low = carried }
+    }
+    low * push.signum()
+}
+
+/// Slip at which a brush carries a force.
+fn brush(force: f64, most: f64, creep: f64) -> f64 {
+    if force < most { 3.0 * creep * most * (1.0 - (1.0 - force / most).cbrt()) } else { f64::INFINITY }
+}
+
 #[test]
 fn wheels_creep_and_spin() {
     let rig = body();
     let drives = |u: [f64; 2], [v, w]: [f64; 2]| wheels([u[0] - 0.01 * w * w - 1.02 * v, u[1] - 0.05 * v * w - 1.05 * w]);
     let to_body = |[left, right]: [f64; 2]| [0.5 * (left + right) / 0.26, (right - left) / (2.0 * HALF_TRACK) / 0.19];
-    let creep = 0.7;
-    let error = rig.error(&WheelSlip { law: SlipLaw::Creep }, &[creep], rig.start, &[], |_, u, x| {
+    // Commands that a loop withdraws for each metre per second.
+    let unit = rig.scene().scales.command / rig.scene().scales.speed;
+    let creep = 0.9;
+    let error = rig.error(&WheelSlip { law: SlipLaw::Creep }, &[creep, 0.0], rig.start, &[], |_, u, x| {
         let (a, s) = (drives(u, x), wheels(x));
-        to_body([a[0] / (1.0 + creep * s[0].abs()), a[1] / (1.0 + creep * s[1].abs())])
+        to_body([0, 1].map(|i| carried(a[i], unit * s[i], |force| creep / unit * force)))
     });
-    assert!(error < 1e-4, "{error}");
-    let (grip, creep): (f64, f64) = (0.9, 0.7);
-    // The slip velocity at which the push that the loop has left is what the brush passes on, by bisection.
-    let brush = |a: f64, most: f64, s: f64| {
-        let (mut low, mut high) = (0.0_f64, 1.0_f64);
-        for _ in 0..60 {
-            let slip = 0.5 * (low + high);
-            let passed = most * (1.0 - (1.0 - slip).powi(3));
-            let left = a.abs() - most * 3.0 * creep * s.abs() * slip;
-            if passed > left { high = slip } else { low = slip }
-        }
-        most * (1.0 - (1.0 - low).powi(3)) * a.signum()
-    };
+    assert!(error < 2e-4, "{error}");
     let tyre = WheelSlip { law: SlipLaw::Grip };
-    let error = rig.error(&tyre, &[grip, creep], rig.start, &[], |_, u, x| {
-        let (a, s) = (drives(u, x), wheels(x));
-        to_body([0, 1].map(|i| brush(a[i], 0.26 * grip, s[i])))
+    for (grip, creep) in [(0.9, 0.7), (0.9, 0.0)] {
+        let error = rig.error(&tyre, &[grip, creep, 0.0], rig.start, &[], |_, u, x| {
+            let (a, s) = (drives(u, x), wheels(x));
+            to_body([0, 1].map(|i| carried(a[i], unit * s[i], |force| brush(force, 0.26 * grip, creep / unit))))
+        });
+        assert!(error < 2e-4, "grip {grip}, creep {creep}: {error}");
+    }
+    let (rig, grip, creep) = (sides(), 0.9, 0.7);
+    let unit = rig.scene().scales.command / rig.scene().scales.speed;
+    let error = rig.error(&tyre, &[grip, creep, 0.0], rig.start, &[], |_, u, x| {
+        let of = |(a, needs, s): (f64, f64, f64)| carried(a, unit * s, |force| brush(force, needs * grip, creep / unit)) / needs;
+        [(u[0] - 2.5 * x[0], 0.4, x[0]), (u[1] - 2.4 * x[1], 0.45, x[1])].map(of)
     });
     assert!(error < 2e-4, "{error}");
-    let rig = sides();
-    let error = rig.error(&tyre, &[grip, creep], rig.start, &[], |_, u, x| {
-        [(u[0] - 2.5 * x[0], 0.4, x[0]), (u[1] - 2.4 * x[1], 0.45, x[1])].map(|(a, needs, s)| brush(a, needs * grip, s) / needs)
-    });
-    assert!(error < 2e-4, "{error}");
+}
+
+#[test]
+fn a_wheel_comes_up_to_its_slip_in_a_time_of_its_own() {
+    let rig = body();
+    let unit = rig.scene().scales.command / rig.scene().scales.speed;
+    let (creep, spin_up) = (0.9, 0.12);
+    let slope = |_: f64, u: [f64; 2], [v, w, left, right]: [f64; 4]| {
+        let pushes = wheels([u[0] - 0.01 * w * w - 1.02 * v, u[1] - 0.05 * v * w - 1.05 * w]);
+        let (behind, hubs) = ([left, right], wheels([v, w]));
+        let ground = [0, 1].map(|i| carried(behind[i], unit * hubs[i], |force| creep / unit * force));
+        // A time that these steps still resolve, near rest.
+        let lag = hubs.map(|s| (spin_up * creep * s.abs() / (1.0 + creep * s.abs())).max(2e-4));
+        [
+            0.5 * (ground[0] + ground[1]) / 0.26,
+            (ground[1] - ground[0]) / (2.0 * HALF_TRACK) / 0.19,
+            (pushes[0] - left) / lag[0],
+            (pushes[1] - right) / lag[1],
+        ]
+    };
+    let [u, x] = [[rig.stretch().inputs[0][0], rig.stretch().inputs[1][0]], rig.start];
+    let [left, right] = wheels([u[0] - 0.01 * x[1] * x[1] - 1.02 * x[0], u[1] - 0.05 * x[0] * x[1] - 1.05 * x[1]]);
+    let of = |values: &[f64]| rig.error(&WheelSlip { law: SlipLaw::Creep }, values, [x[0], x[1], left, right], &[], slope);
+    let (with, without) = (of(&[creep, spin_up]), of(&[creep, 0.0]));
+    assert!(with < 0.05 * without, "{with} with spinning up, {without} without");
 }
 
 #[test]
