@@ -5,7 +5,7 @@ use wheelwright_core::effect::Scene;
 use wheelwright_core::model::ModelError;
 use wheelwright_core::simulation::linear_part;
 
-use super::{Adequacy, examine, structure};
+use super::{Adequacy, examine, memory, structure};
 use crate::comparison::{Channels, Comparison};
 use crate::finding::Location;
 use crate::locate::locate;
@@ -90,6 +90,9 @@ fn flags(found: &Adequacy, comparison: &Comparison<'_>, explained: f64) -> Vec<F
     }
     for burst in &found.bursts {
         flag("bursts", burst.z, 0.0, Some(burst.excess / (burst.excess + explained.max(0.0))), None);
+    }
+    if let Some(memory) = &found.memory {
+        flag("memory of the rest", memory.correlation, memory::LASTS, Some(memory.share), None);
     }
     if let Some(line) = &found.order {
         flag("wheel-order line", line.power, 0.0, Some(line.power / (line.power + explained.max(0.0))), None);

@@ -1,4 +1,4 @@
-//! Whether a model is adequate, asked without any library: five tests of what it leaves over.
+//! Whether a model is adequate, asked without any library: six tests of what it leaves over.
 //!
 //! A library always finds something to name. These tests know no effect; they say whether anything is left, and where to look.
 
@@ -6,6 +6,7 @@ mod bursts;
 mod flags;
 mod jitter;
 mod lattice;
+mod memory;
 mod orders;
 pub mod structure;
 
@@ -13,6 +14,7 @@ pub use bursts::Burst;
 pub use flags::{Explained, review};
 pub use jitter::Jitter;
 pub use lattice::{Counts, Lattice};
+pub use memory::Memory;
 pub use orders::OrderLine;
 pub use structure::Structure;
 
@@ -22,13 +24,15 @@ use wheelwright_core::effect::Scene;
 use crate::comparison::{Channels, Comparison};
 use crate::noise::Noise;
 
-/// What the five tests found.
+/// What the six tests found.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Adequacy {
     /// Anything that depends on what was going on.
     pub structure: Structure,
     /// Times with more than their share.
     pub bursts: Vec<Burst>,
+    /// A rest that lasts.
+    pub memory: Option<Memory>,
     /// What returns with a wheel's turn.
     pub order: Option<OrderLine>,
     /// Noise that grows with acceleration.
@@ -45,6 +49,7 @@ pub fn examine(comparison: &Comparison<'_>, seed: u64) -> Adequacy {
     Adequacy {
         structure: structure::measure(comparison, jitter.as_ref()),
         bursts: bursts::find(comparison, seed, jitter.as_ref()),
+        memory: memory::find(comparison),
         order: orders::find(comparison),
         jitter,
         lattices: lattice::find(comparison),
@@ -63,6 +68,12 @@ impl Adequacy {
         }
         for burst in &self.bursts {
             all.push(format!("between {:.1} s and {:.1} s more is left than at other times", burst.time.0, burst.time.1));
+        }
+        if let Some(Memory { output, lag, correlation, .. }) = &self.memory {
+            let (name, of) = (name(*output), 100.0 * correlation);
+            all.push(format!(
+                "{of:.0} % of what is left of {name} is still there after {lag:.1} s: a push or a drift that no command causes"
+            ));
         }
         if let Some(OrderLine { wheel, order, kinematic, .. }) = &self.order {
             let side = ["left", "right"][*wheel];

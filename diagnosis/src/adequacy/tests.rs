@@ -13,6 +13,7 @@ fn clean_recordings_raise_no_alarm() {
         sum += found.structure.z;
         assert!(
             found.bursts.is_empty()
+                && found.memory.is_none()
                 && found.order.is_none()
                 && found.jitter.is_none()
                 && found.lattices.is_empty()
@@ -53,6 +54,30 @@ fn a_push_is_a_burst_at_its_time() {
     let bursts = case.compare(None, |c| examine(c, 2)).bursts;
     assert!(bursts.iter().any(|b| b.time.0 >= 29.0 && b.time.1 <= 33.0), "{bursts:?}");
     assert!(bursts.iter().all(|b| b.time.1 > 29.0 && b.time.0 < 33.0), "{bursts:?}");
+}
+
+/// An autoregression of first order and unit variance for each output, one stretch after the other.
+fn coloured(coefficient: f64) -> impl FnMut(usize, &mut StdRng) -> f64 {
+    let mut state = [0.0; 2];
+    move |i, random| {
+        state[i] = coefficient * state[i] + (1.0 - coefficient * coefficient).sqrt() * normal(random);
+        state[i]
+    }
+}
+
+#[test]
+fn a_wind_that_lasts_for_seconds_is_a_memory_and_coloured_noise_is_none() {
+    for seed in 0..20 {
+        let mut noise = coloured(0.9);
+        let sensors = Case::new(seed, |_, i, y, _, random| y + NOISE[i] * noise(i, random));
+        assert_eq!(sensors.compare(None, |c| examine(c, seed)).memory, None, "{seed}");
+        // Correlated over 2.5 s, beside as much white noise.
+        let mut wind = coloured(0.98);
+        let blown =
+            Case::new(seed, |_, i, y, _, random| y + NOISE[i] * (normal(random) + if i == 1 { 2.0 * wind(i, random) } else { 0.0 }));
+        let memory = blown.compare(None, |c| examine(c, seed)).memory.unwrap();
+        assert!(memory.output == 1 && memory.correlation > 0.25 && memory.share > 0.2, "{seed}: {memory:?}");
+    }
 }
 
 #[test]

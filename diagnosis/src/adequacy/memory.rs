@@ -1,0 +1,78 @@
+//! Memory: a rest that is still alike when the robot itself and the filters of its sensors have forgotten. Something pushes the robot, or
+//! drifts, that no command causes: wind, ground, a gyroscope's bias. Its coherence from sample to sample may well pass for coloured noise.
+//!
+//! The rest's autocorrelation is asked at a lag of [`LONG`], or of four of the output's time constants if that is more. Its standard error
+//! is Bartlett's for a rest that forgets before that lag (Journal of the Royal Statistical Society, Supplement 8, 1946).
+
+use statrs::distribution::{ContinuousCDF, Normal};
+
+use crate::comparison::Comparison;
+
+use super::bursts::FALSE_ALARM;
+
+/// Lag after which sensors have forgotten \[s\]: a noise of which the next sample remembers 0.9 keeps an eighth of it at 20 Hz.
+const LONG: f64 = 1.0;
+/// Time constants in which an output forgets a push: two hundredths are left.
+const FORGOTTEN: f64 = 4.0;
+/// Correlation at that lag that is a memory: a quarter of the variance was there before.
+pub(super) const LASTS: f64 = 0.25;
+/// Lags that a stretch must hold.
+const FEWEST: usize = 4;
+
+/// A rest that lasts.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Memory {
+    /// Which output.
+    pub output: usize,
+    /// The lag \[s\].
+    pub lag: f64,
+    /// Correlation of the rest at that lag.
+    pub correlation: f64,
+    /// What lasts of it as a share of the base model's misfit.
+    pub share: f64,
+}
+
+/// The output whose rest lasts most.
+pub(super) fn find(comparison: &Comparison<'_>) -> Option<Memory> {
+    let found = (0..comparison.rates.len()).filter_map(|output| of(comparison, output));
+    found.max_by(|a, b| a.share.total_cmp(&b.share))
+}
+
+fn of(comparison: &Comparison<'_>, output: usize) -> Option<Memory> {
+    let time_constant = Some(comparison.rates[output]).filter(|r| *r > 0.0).map_or(0.0, f64::recip);
+    let lag = LONG.max(FORGOTTEN * time_constant);
+    let lags = (lag / comparison.scene.scales.period).round() as usize;
+    let rest = rest(comparison, output, lags)?;
+    let variance = product(&rest, 0);
+    let correlation = |k: usize| product(&rest, k) / variance;
+    // What forgets before the lag scatters the more, the longer it remembers.
+    let before: f64 = (1..lags).map(|k| correlation(k).powi(2)).sum();
+    let samples: usize = rest.iter().map(|r| r.len() - lags).sum();
+    let error = ((1.0 + 2.0 * before) / samples as f64).sqrt();
+    let lasts = correlation(lags);
+    let chance = Normal::standard().inverse_cdf(1.0 - FALSE_ALARM / comparison.rates.len() as f64);
+    let misfit: f64 = comparison
+        .data
+        .stretches
+        .iter()
+        .zip(comparison.base)
+        .flat_map(|(s, b)| s.outputs[output].iter().zip(&b[output]))
+        .map(|(y, b)| (y - b).powi(2))
+        .sum();
+    (lasts > LASTS.max(chance * error)).then(|| Memory { output, lag, correlation: lasts, share: (lasts * variance / misfit).min(1.0) })
+}
+
+/// What is left of an output less its mean, in stretches that are long enough.
+fn rest(comparison: &Comparison<'_>, output: usize, lags: usize) -> Option<Vec<Vec<f64>>> {
+    let pairs = comparison.data.stretches.iter().zip(comparison.model).filter(|(s, _)| s.len() >= FEWEST * lags);
+    let mut rest: Vec<Vec<f64>> = pairs.map(|(s, m)| s.outputs[output].iter().zip(&m[output]).map(|(y, m)| y - m).collect()).collect();
+    let samples: usize = rest.iter().map(Vec::len).sum();
+    let mean = rest.iter().flatten().sum::<f64>() / samples as f64;
+    rest.iter_mut().flatten().for_each(|x| *x -= mean);
+    (samples > 0 && rest.iter().flatten().any(|x| *x != 0.0)).then_some(rest)
+}
+
+/// Sum of products of samples a lag apart.
+fn product(rest: &[Vec<f64>], lag: usize) -> f64 {
+    rest.iter().flat_map(|r| r.iter().zip(&r[lag..])).map(|(a, b)| a * b).sum()
+}
