@@ -1,7 +1,7 @@
 //! Held-out driving as the judge between explanations that the training data cannot tell apart.
 //!
 //! Where no wheel reverses, friction, an offset and a dead zone are one; another kind of driving tells them apart without any parameter
-//! being fitted to it. Only rivals that the evidence leaves within reach are judged, and only a decisive difference counts: parameters that
+//! being fitted to it. Only rivals that the evidence leaves within reach are judged, as near as laws are exact, and only a decisive difference counts: parameters that
 //! the training data hardly show make errors of their own on other data.
 //!
 //! An effect beside others goes if they do decisively better on the held-out data without it, whatever its evidence on the training data: it
@@ -13,7 +13,7 @@ use crate::answer::{MENTIONED, always, explanation};
 use crate::holdout::{Ground, loss, shifted};
 use crate::question::Question;
 use crate::screen::Response;
-use crate::select::{FINAL, Search, Selected, State};
+use crate::select::{FINAL, SHARE, Search, Selected, State};
 
 /// Share of a rival's held-out excess that a better explanation may leave: the same half by which an explanation has to close it.
 const CLOSED: f64 = 0.5;
@@ -31,7 +31,10 @@ pub(crate) fn judged(question: &Question<'_>, search: &Search<'_>, mut selected:
 
 /// Each member exchanged for the rival that the held-out data prefer decisively.
 fn exchanged(bench: &Bench<'_>, search: &Search<'_>, mut selected: Selected) -> Selected {
-    if !selected.rivals.iter().flatten().any(|r| r.gap < MENTIONED) {
+    // The form of a law is never exact: rivals differ by as much for no other reason.
+    let explained = selected.state.fit.likelihood(&search.setting) - selected.base.likelihood(&search.setting);
+    let reach = MENTIONED.max(SHARE * explained);
+    if !selected.rivals.iter().flatten().any(|r| r.gap < reach) {
         return selected;
     }
     let mut own = bench.loss(search, &selected.state);
@@ -43,7 +46,8 @@ fn exchanged(bench: &Bench<'_>, search: &Search<'_>, mut selected: Selected) -> 
         let found = search.effect(selected.state.effects[member]);
         // The same mathematics under every drive differs by what nobody recorded before the first sample.
         let (same, mut rivals): (Vec<_>, Vec<_>) = rivals.into_iter().partition(|r| always(found, search.effect(r.effect)).is_some());
-        rivals.retain(|r| r.gap < MENTIONED);
+        // What the training data hold for worse has to be better on other data as it stands.
+        rivals.retain(|r| r.gap < MENTIONED || (r.gap < reach && bench.decisive(bench.loss(search, &r.state), own)));
         // A rival was only fitted well enough to be ranked: what is left to its end counts on other data as much as a cause does.
         rivals.iter_mut().for_each(|r| ended(search, &selected, &mut r.state));
         let mut near: Vec<(f64, _)> = rivals.into_iter().map(|r| (bench.loss(search, &r.state), r)).collect();
@@ -60,7 +64,7 @@ fn exchanged(bench: &Bench<'_>, search: &Search<'_>, mut selected: Selected) -> 
             selected.rivals.push(Vec::new());
             member = selected.rivals.len() - 1;
         }
-        let open = near.into_iter().filter(|(rival, _)| !bench.decisive(own, *rival)).map(|(_, r)| r);
+        let open = near.into_iter().filter(|(rival, r)| r.gap < MENTIONED && !bench.decisive(own, *rival)).map(|(_, r)| r);
         selected.rivals[member] = if better { open.collect() } else { open.chain(same).collect() };
         member = if better { 0 } else { member + 1 };
     }

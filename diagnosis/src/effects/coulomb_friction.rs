@@ -88,7 +88,7 @@ impl Effect for CoulombFriction {
         &[
             Confusion {
                 with: "rolling_resistance",
-                because: "on the straight the two are one; only turning in place tells them apart, which friction at the wheels brakes and rolling resistance of the body does not",
+                because: "on the straight the two are one; only turning in place tells them apart, which friction at the wheels brakes and rolling resistance of wheels that are not driven does not",
             },
             Confusion {
                 with: "coulomb_friction_one_wheel",

@@ -1,10 +1,9 @@
-//! Rolling resistance of the body: F = c sgn v against forward motion, and nothing against turning.
+//! Rolling resistance: every wheel resists in proportion to the load that it carries.
 //!
-//! Tyres and castors on the ground resist in proportion to the load they carry. What the two driven wheels contribute acts on
-//! each wheel against its own rolling, and is therefore dry friction at the wheels to the letter (`coulomb_friction`, same
-//! equation, same signs). What can be told apart is the share of the body's weight that rolls along on its centre line: it
-//! changes sign with v and not with either wheel, and has no lever to brake a turn. This effect is that share. How a castor
-//! swings round is `castor_drag`, how patches scrub is `turning_scrub`.
+//! The driven wheels' share acts on each against its own rolling, F = d sgn s, and is therefore dry friction at the wheels to the letter
+//! (`coulomb_friction`, same equation, same signs). What tells them apart is the share of the weight that other wheels carry along on the
+//! centre line: F = c sgn v against forward motion, without a lever to brake a turn. Of the two shares none is known beforehand. How a
+//! castor swings round is `castor_drag`, how patches scrub is `turning_scrub`.
 
 use serde::{Deserialize, Serialize};
 use wheelwright_core::Effect;
@@ -25,7 +24,7 @@ impl Effect for RollingResistance {
     }
 
     fn about(&self) -> String {
-        "a constant force against forward motion, in proportion to the load, that leaves turning alone".to_owned()
+        "a constant force of every wheel that carries load, driven or not".to_owned()
     }
 
     fn stage(&self) -> Stage {
@@ -41,15 +40,21 @@ impl Effect for RollingResistance {
     }
 
     fn parameters(&self, scene: &Scene) -> Vec<EffectParameter> {
-        force::sizes(scene, "resistance")
+        let sizes = ["resistance", "driven"].into_iter().flat_map(|name| force::sizes(scene, name));
+        sizes.chain(force::turning_ratio(scene)).collect()
     }
 
     fn starts(&self, scene: &Scene) -> Vec<Start> {
-        vec![Start { values: vec![0.05 * force::command(scene, 0)], columns: vec![vec![0]], linear: true }]
+        force::starts(scene, &[0.05 * force::command(scene, 0); 2], &[vec![0], vec![1]])
     }
 
     fn statement(&self, values: &[Estimate], scene: &Scene) -> String {
-        format!("rolling resistance against forward motion uses up {}; the model had none", force::in_words(values[0], scene))
+        let [body, driven] = [values[0], values[1]].map(|size| force::in_words(size, scene));
+        format!("rolling resistance uses up {body} for the body and {driven} at each driven wheel; the model had none")
+    }
+
+    fn narrower(&self, values: &[f64], scene: &Scene) -> Option<&'static str> {
+        self.parameters(scene)[0].is_neutral(values[0]).then_some("coulomb_friction")
     }
 
     fn excitation(&self) -> &'static str {
@@ -74,5 +79,6 @@ impl Effect for RollingResistance {
     fn load(&self, p: &[f64], at: &Instant<'_>, outputs: &[f64], _state: &[f64], load: &mut [f64]) {
         let frame = &at.scene.frame;
         frame.add_at_body([p[0] * smooth_sign(frame.body(outputs)[0], at.scene.scales.speed), 0.0], load);
+        force::at_contacts(at, outputs, p.get(2), load, |_, _, sign| p[1] * sign);
     }
 }

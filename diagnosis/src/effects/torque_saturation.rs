@@ -1,4 +1,4 @@
-//! The force of a drive is limited: what a wheel's loop asks for, |U − s|, or what is left of the voltage to accelerate, is cut at m.
+//! The force of a drive is limited: what a wheel's loop asks for, |U − (1 + κ) s|, or what is left of the voltage to accelerate, is cut at m.
 
 use serde::{Deserialize, Serialize};
 use wheelwright_core::Effect;
@@ -9,13 +9,16 @@ use super::words::quantity;
 /// A limit of current or torque.
 ///
 /// Where speeds are commanded (the body frame) each wheel's loop pulls in proportion to the speed it lacks, U − s, and the limit
-/// cuts that. Where the loops are closed on forward and angular velocity, both pull at each wheel in the ratio of their gains:
+/// cuts that. Of a loop that asks for voltage back-EMF takes κ s before the current is limited; a loop that asks for current has κ = 0. Where the loops are closed on forward and angular velocity, both pull at each wheel in the ratio of their gains:
 /// the wheel lacks e_v ± h e_ω / ρ with ρ the ratio of the force-to-command gains of forward and angular motion, and what is cut
 /// of the angular command is ρ times as much. In voltages, and for channels of which nothing is known, the limit cuts what is left
 /// for acceleration when friction and back-EMF have taken theirs: a current limit but for the share that friction needs.
 #[derive(Debug, Clone, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct TorqueSaturation {}
+
+/// Back-EMF in terms of a loop's gain on most robots: what their speed falls short of the command.
+const BACK_EMF: f64 = 0.05;
 
 #[typetag::serde(name = "torque_saturation")]
 impl Effect for TorqueSaturation {
@@ -39,7 +42,9 @@ impl Effect for TorqueSaturation {
         };
         match scene.frame {
             Frame::Body { .. } => {
-                vec![limit("limit", "m/s", typical), EffectParameter::new("turning_ratio", "1", (0.2, 4.0), 0.3)]
+                let ratio = EffectParameter::new("turning_ratio", "1", (0.2, 4.0), 0.3);
+                let back_emf = EffectParameter::new("back_emf", "1", (0.0, 1.0), 0.4 * BACK_EMF).usually(0.0, BACK_EMF);
+                vec![limit("limit", "m/s", typical), ratio, back_emf]
             }
             Frame::Sides { .. } => vec![limit("limit", &scene.inputs[0].unit, typical)],
             Frame::Channels => {
@@ -53,7 +58,7 @@ impl Effect for TorqueSaturation {
         let (body, n) = (matches!(scene.frame, Frame::Body { .. }), scene.inputs.len());
         let at = |share: f64, rho: f64| Start {
             values: match scene.frame {
-                Frame::Body { .. } => vec![share * scene.scales.command, rho],
+                Frame::Body { .. } => vec![share * scene.scales.command, rho, 0.0],
                 Frame::Sides { .. } => vec![share * scene.scales.command],
                 Frame::Channels => scene.scales.inputs.iter().map(|typical| share * typical).collect(),
             },
@@ -110,7 +115,8 @@ impl Effect for TorqueSaturation {
         match frame {
             Frame::Body { half_track: h } => {
                 let rho = p[1];
-                let (forward, turn) = (motion.u[0] - motion.outputs[0], h * (motion.u[1] - motion.outputs[1]) / rho);
+                let lack = |axis: usize| motion.u[axis] - (1.0 + p[2]) * motion.outputs[axis];
+                let (forward, turn) = (lack(0), h * lack(1) / rho);
                 let cut = [forward - turn, forward + turn].map(|lack| -excess(lack, p[0]));
                 frame.add_at_wheels(cut, rho, drive);
             }

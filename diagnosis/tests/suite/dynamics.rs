@@ -63,13 +63,20 @@ fn stribeck_friction_falls_with_speed() {
 }
 
 #[test]
-fn rolling_resistance_leaves_turning_alone() {
+fn rolling_resistance_brakes_driven_wheels_and_what_they_carry_along() {
+    let (rest, driven, ratio) = (0.05, 0.02, 1.3);
     let rig = body();
-    let error = rig.load_error(&RollingResistance {}, &[0.05], |x| [0.05 * rig.sign(x[0]), 0.0]);
-    assert!(error < 3e-4, "{error}");
+    let error = rig.load_error(&RollingResistance {}, &[rest, 0.0, 1.0], |x| [rest * rig.sign(x[0]), 0.0]);
+    assert!(error < 3e-4, "without the driven wheels' share it leaves turning alone: {error}");
+    let at_wheels = |x: [f64; 2]| off(wheels(x).map(|s| driven * rig.sign(s)), ratio);
+    let error = rig.load_error(&RollingResistance {}, &[rest, driven, ratio], |x| {
+        let [forward, turn] = at_wheels(x);
+        [forward + rest * rig.sign(x[0]), turn]
+    });
+    assert!(error < 1e-3, "{error}");
     let rig = sides();
-    let error = rig.load_error(&RollingResistance {}, &[0.2], |x| [0.2 * rig.sign(0.5 * (x[0] + x[1])); 2]);
-    assert!(error < 3e-4, "{error}");
+    let error = rig.load_error(&RollingResistance {}, &[0.2, 0.1], |x| x.map(|s| 0.1 * rig.sign(s) + 0.2 * rig.sign(0.5 * (x[0] + x[1]))));
+    assert!(error < 1e-3, "{error}");
 }
 
 #[test]
