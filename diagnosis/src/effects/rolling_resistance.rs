@@ -67,6 +67,10 @@ impl Effect for RollingResistance {
                 with: "coulomb_friction",
                 because: "resistance at the driven wheels is dry friction there; only turning in place, which friction at the wheels brakes, tells the body's share apart",
             },
+            Confusion {
+                with: "direction_asymmetry",
+                because: "while the robot does not drive backwards, what it carries along takes a constant off the forward command, as friction does that is greater forwards",
+            },
             Confusion { with: "castor_drag", because: "on the straight a castor drags with the same force" },
             Confusion {
                 with: "slope",

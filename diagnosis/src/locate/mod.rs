@@ -63,7 +63,7 @@ pub fn locate(comparison: &Comparison<'_>, tests: Vec<String>) -> Location {
     let changes = times::changes(comparison);
     let frequencies_hz = spectrum::bands(comparison, &excess);
     let mut location = Location { channels, wheels, times, changes, regions, frequencies_hz, statement: String::new(), tests };
-    location.statement = statement(&location);
+    location.statement = statement(&location, comparison.since);
     location
 }
 
@@ -96,8 +96,11 @@ fn shares_of_wheels(comparison: &Comparison<'_>, excess: &Excess) -> Option<(f64
     (left + right > 0.0).then(|| (left / (left + right), right / (left + right)))
 }
 
-fn statement(location: &Location) -> String {
+fn statement(location: &Location, since: Option<f64>) -> String {
     let mut parts = Vec::new();
+    if let Some(since) = since {
+        parts.push(format!("it begins at {since:.1} s"));
+    }
     if let Some((name, share)) = location.channels.iter().max_by(|a, b| a.1.total_cmp(&b.1)).filter(|c| c.1 > 0.0) {
         parts.push(format!("{:.0} % of the misfit beyond noise is in {name}", 100.0 * share));
     }

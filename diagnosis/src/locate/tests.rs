@@ -44,12 +44,14 @@ fn where_the_base_model_bends_to_what_does_not_act_is_no_place() {
     let case = Case::clean(6);
     let base = without(&case, |_, _, _| 0.05);
     let neutral = without(&case, |t, _, _| if t >= 90.0 { 0.08 } else { 0.0 });
-    let times = |since| case.compare(Some(&neutral), |c| locate(&Comparison { base: &base, since, ..*c }, Vec::new()).times);
+    let at = |since| case.compare(Some(&neutral), |c| locate(&Comparison { base: &base, since, ..*c }, Vec::new()));
+    let times = |since| at(since).times;
     let end = *case.data.stretches[1].time.last().unwrap();
     let [(from, to)] = times(None)[..] else { panic!("{:?}", times(None)) };
     assert!((from - 90.0).abs() <= 1.0 && (to - end).abs() <= 1.0, "{from} {to}");
     // What begins is there from then on, to the moment, whether it moves the robot or not.
     assert_eq!(times(Some(90.4))[..], [(90.0, 90.4), (90.4, end)]);
+    assert!(at(Some(90.4)).statement.starts_with("it begins at 90.4 s; "), "{}", at(Some(90.4)).statement);
 }
 
 #[test]

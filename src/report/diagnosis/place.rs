@@ -113,7 +113,7 @@ fn timeline(input: &Input<'_>) -> String {
             0 => String::new(),
             n => format!(" and {n} more stretches"),
         };
-        let marked = if marked.is_empty() { String::new() } else { format!(" More than its share: {}{more}.", marked.join(", ")) };
+        let marked = if marked.is_empty() { String::new() } else { format!(" What was found shows at {}{more}.", marked.join(", ")) };
         Some(
             Plot {
                 group: "levels".to_owned(),
