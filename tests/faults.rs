@@ -27,6 +27,8 @@ use wheelwright_core::recording::{ReadOptions, Recording};
 use wheelwright_core::robot::{Live, Robot, RobotError};
 use wheelwright_core::tracking::track;
 
+use machine::undisturbed;
+
 static INPUTS: [Channel; 2] = [channel::V_REF, channel::OMEGA_REF];
 static OUTPUTS: [Channel; 5] = [channel::V, channel::OMEGA, channel::X, channel::Y, channel::PHI];
 const PERIOD: f64 = 0.05;
@@ -406,25 +408,33 @@ fn late(name: &str, way: Way, deadline: f64) -> (Ended, usize, usize) {
 #[test]
 fn a_robot_stands_two_cycles_after_a_measurement_that_nobody_answers() {
     for (name, way) in [("law", Way::Excited), ("law", Way::Tracked), ("disk", Way::Tracked), ("view", Way::Tracked)] {
-        let (ended, cycles, moved) = late(name, way, 10.0 * PERIOD);
-        let why = ended.outcome.unwrap().unwrap_err().to_string();
-        assert!(why.contains("deadline missed"), "{name}: {why}");
-        assert!(cycles <= CYCLES && moved == 0 && ended.stops >= 1, "{name}: {cycles} cycles, {moved} commands");
-        line(&format!("{name} hangs, real time"), cycles, ended.rows, &why);
+        undisturbed(|| stands(name, way));
     }
+}
+
+fn stands(name: &str, way: Way) {
+    let (ended, cycles, moved) = late(name, way, 10.0 * PERIOD);
+    let why = ended.outcome.unwrap().unwrap_err().to_string();
+    assert!(why.contains("deadline missed"), "{name}: {why}");
+    assert!(cycles <= CYCLES && moved == 0 && ended.stops >= 1, "{name}: {cycles} cycles, {moved} commands");
+    line(&format!("{name} hangs, real time"), cycles, ended.rows, &why);
 }
 
 #[test]
 fn a_drive_goes_on_when_what_was_late_comes_back_and_its_files_show_a_gap() {
     for name in ["law", "disk", "view"] {
-        let (ended, cycles, moved) = late(name, Way::Excited, 1000.0 * PERIOD);
-        let recording = ended.outcome.unwrap().unwrap_or_else(|e| panic!("{name}: {e}"));
-        let remark = recording.warnings.iter().find(|w| w.contains("the next command was late")).unwrap();
-        assert!(cycles <= CYCLES && moved > 40, "{name}: {cycles} cycles, {moved} commands");
-        let segments = recording.segments().len();
-        assert!(segments >= 2 && ended.segments == [segments; 2], "{name}: {segments} and, in the files, {:?}", ended.segments);
-        line(&format!("{name} late, real time"), cycles, ended.rows, remark);
+        undisturbed(|| goes_on(name));
     }
+}
+
+fn goes_on(name: &str) {
+    let (ended, cycles, moved) = late(name, Way::Excited, 1000.0 * PERIOD);
+    let recording = ended.outcome.unwrap().unwrap_or_else(|e| panic!("{name}: {e}"));
+    let remark = recording.warnings.iter().find(|w| w.contains("the next command was late")).unwrap();
+    assert!(cycles <= CYCLES && moved > 40, "{name}: {cycles} cycles, {moved} commands");
+    let segments = recording.segments().len();
+    assert!(segments >= 2 && ended.segments == [segments; 2], "{name}: {segments} and, in the files, {:?}", ended.segments);
+    line(&format!("{name} late, real time"), cycles, ended.rows, remark);
 }
 
 #[test]
@@ -491,6 +501,8 @@ mod library;
 #[cfg(unix)]
 #[path = "faults/link.rs"]
 mod link;
+#[path = "faults/machine.rs"]
+mod machine;
 #[cfg(unix)]
 #[path = "faults/signals.rs"]
 mod signals;

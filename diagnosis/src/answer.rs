@@ -449,7 +449,7 @@ fn review(
         jacobian: jacobian.collect(),
         half_track: setting.scene.frame.half_track(),
     };
-    let gain = state.fit.likelihood(setting) - selected.base.likelihood(setting);
+    let gain = selected.gained(setting, &state.fit);
     let times = findings.iter().flat_map(|f| &f.parameters).filter(|p| p.name == BEGINS).map(|p| p.value);
     let explained = adequacy::Explained { without: &without, since: times.min_by(f64::total_cmp), gain };
     let (flags, location) = adequacy::review(&residuals, setting.scene, &explained, question.seed)?;

@@ -46,6 +46,11 @@ impl Comparison<'_> {
         self.data.outputs.len()
     }
 
+    /// Measured less base model, of an output in a row of a stretch.
+    pub(crate) fn misfit(&self, stretch: usize, output: usize, row: usize) -> f64 {
+        self.data.stretches[stretch].outputs[output][row] - self.base[stretch][output][row]
+    }
+
     /// One output's whitened residual, the stretches one after the other.
     pub(crate) fn innovations(&self, output: usize) -> Vec<f64> {
         self.white.iter().flat_map(|s| s[output].iter().copied()).collect()

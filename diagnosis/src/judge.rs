@@ -1,8 +1,8 @@
 //! Held-out driving as the judge between explanations that the training data cannot tell apart.
 //!
 //! Where no wheel reverses, friction, an offset and a dead zone are one; another kind of driving tells them apart without any parameter
-//! being fitted to it. Only rivals that the evidence leaves within reach are judged, as near as laws are exact, and only a decisive difference counts: parameters that
-//! the training data hardly show make errors of their own on other data.
+//! being fitted to it. Only rivals that the evidence leaves within reach are judged, as near as laws are exact, and only a decisive
+//! difference counts: parameters that the training data hardly show make errors of their own on other data.
 //!
 //! An effect beside others goes if they do decisively better on the held-out data without it, whatever its evidence on the training data: it
 //! stood in for the imperfect form of the others there.
@@ -32,7 +32,7 @@ pub(crate) fn judged(question: &Question<'_>, search: &Search<'_>, mut selected:
 /// Each member exchanged for the rival that the held-out data prefer decisively.
 fn exchanged(bench: &Bench<'_>, search: &Search<'_>, mut selected: Selected) -> Selected {
     // The form of a law is never exact: rivals differ by as much for no other reason.
-    let explained = selected.state.fit.likelihood(&search.setting) - selected.base.likelihood(&search.setting);
+    let explained = selected.gained(&search.setting, &selected.state.fit);
     let reach = MENTIONED.max(SHARE * explained);
     if !selected.rivals.iter().flatten().any(|r| r.gap < reach) {
         return selected;

@@ -53,7 +53,8 @@ impl Residuals<'_> {
 /// What a test without a library found in the final residual. `decide` weighs these.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Flag {
-    /// Which test: `input-driven structure`, `bursts`, `memory of the rest`, `wheel-order line`, `variance against acceleration`, `value lattice`.
+    /// Which test: `input-driven structure`, `bursts`, `memory of the rest`, `wheel-order line`, `variance against acceleration`,
+    /// `value lattice`.
     pub test: &'static str,
     /// Its statistic.
     pub value: f64,

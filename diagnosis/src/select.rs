@@ -81,6 +81,13 @@ pub(crate) struct Selected {
     pub(crate) ranking: Vec<(usize, f64)>,
 }
 
+impl Selected {
+    /// Log-likelihood that a fit under the same noise gains on the base model alone.
+    pub(crate) fn gained(&self, setting: &Setting<'_>, fit: &Fit) -> f64 {
+        fit.likelihood(setting) - self.base.likelihood(setting)
+    }
+}
+
 /// Whether noise is so coloured that a misfit could hide in it.
 fn coloured(noise: &Noise) -> bool {
     noise.deviation.iter().zip(&noise.innovation).any(|(all, new)| *all > COLOURED * new)
@@ -427,7 +434,7 @@ impl<'a> Search<'a> {
         if selected.state.effects.len() < 2 || rest.effects.is_empty() {
             return None;
         }
-        let explained = rest.fit.likelihood(&self.setting) - selected.base.likelihood(&self.setting);
+        let explained = selected.gained(&self.setting, &rest.fit);
         let size = || self.sizeable(&selected.base, &rest.fit, &selected.state.fit, &selected.whitening.noise);
         if present > 0.0 && (present >= SHARE * explained || size()) {
             return None;

@@ -2,6 +2,7 @@
 //! hangs inside the controller.
 
 use crate::library::compile;
+use crate::machine::undisturbed;
 use crate::signals::{COURSE, Driving, TRACK, readable};
 use crate::{CYCLES, STRIKE, line};
 
@@ -55,12 +56,20 @@ fn stopped_after(told: &[String], commands: usize) {
 
 #[test]
 fn data_that_freeze_while_tracking_stop_the_robot() {
+    undisturbed(frozen);
+}
+
+fn frozen() {
     let Some(told) = tracked_until("FREEZE", "nothing measured has changed since") else { return };
     stopped_after(&told, STRIKE + (PATIENCE / PERIOD) as usize + CYCLES);
 }
 
 #[test]
 fn a_driver_that_hangs_while_tracking_is_told_to_stop_beside_its_call() {
+    undisturbed(hung);
+}
+
+fn hung() {
     let Some(told) = tracked_until("HANG", "the call of `step` has not returned; the robot was told to stop") else { return };
     stopped_after(&told, STRIKE);
 }
@@ -68,6 +77,10 @@ fn a_driver_that_hangs_while_tracking_is_told_to_stop_beside_its_call() {
 /// The hanging thread cannot be called back: the robot is told to stop beside it, and then the program ends.
 #[test]
 fn a_model_that_hangs_in_the_controller_leaves_a_robot_that_was_told_to_stop() {
+    undisturbed(hung_in_the_law);
+}
+
+fn hung_in_the_law() {
     let Some(told) = tracked_until("HANG_LAW", "the program ends so that the link goes down") else { return };
     assert!(told.iter().any(|told| told == STAND), "told to stand before it was told to stop: {told:?}");
     stopped_after(&told, STRIKE);

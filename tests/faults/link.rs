@@ -7,6 +7,7 @@ use wheelwright_core::config::tagged;
 use wheelwright_core::robot::{Live, RobotConfig};
 use wheelwright_robots::emulator::{Emulator, EmulatorConfig};
 
+use super::machine::undisturbed;
 use super::signals::{Driving, PATIENCE, RECORD, readable};
 
 /// Time between two packets of the robot \[s\].
@@ -91,13 +92,17 @@ fn a_robot_that_cannot_be_understood_is_commanded_to_stand() {
         ("frozen packets", "kind = 'frozen'", patience, "nothing measured has changed"),
         ("motors switched off", "kind = 'motors-off'", 0, "motors went off"),
     ] {
-        commanded(name, fault, known_after, says);
+        undisturbed(|| commanded(name, fault, known_after, says));
     }
 }
 
 /// A burst shorter than the driver's patience: the robot is told to stand, and the drive goes on with the cycles counted.
 #[test]
 fn a_short_burst_of_bad_checksums_is_survived() {
+    undisturbed(short_burst);
+}
+
+fn short_burst() {
     let mut session = Session::start(Some("kind = 'bad-checksum'\npackets = 4"));
     session.driving.wait_for_rows(AFTER as usize + 10);
     session.driving.send("INT");
@@ -113,26 +118,32 @@ fn a_short_burst_of_bad_checksums_is_survived() {
 #[test]
 fn a_cut_line_leaves_the_robot_to_its_watchdog() {
     for (name, fault) in [("line cut", "kind = 'cut'"), ("half a packet", "kind = 'half-packet'")] {
-        let mut session = Session::start(Some(fault));
-        let (status, said) = session.driving.wait();
-        assert_eq!(status.code(), Some(5), "{name}: {said}");
-        assert!(said.contains("closed") && said.contains("rows were kept"), "{name}: {said}");
-        watchdog(name, &session, session.fault(), &said);
+        undisturbed(|| cut(name, fault));
     }
+}
+
+fn cut(name: &str, fault: &str) {
+    let mut session = Session::start(Some(fault));
+    let (status, said) = session.driving.wait();
+    assert_eq!(status.code(), Some(5), "{name}: {said}");
+    assert!(said.contains("closed") && said.contains("rows were kept"), "{name}: {said}");
+    watchdog(name, &session, session.fault(), &said);
 }
 
 /// A program that no longer runs: killed, which closes the line, or stopped, which leaves it open and silent.
 #[test]
 fn a_program_that_no_longer_runs_leaves_the_robot_to_its_watchdog() {
     for (name, signal) in [("kill -9", "KILL"), ("program suspended", "STOP")] {
-        let mut session = Session::start(None);
-        session.driving.wait_for_rows(AFTER as usize);
-        session.driving.send(signal);
-        let from = session.emulator.state().time;
-        watchdog(name, &session, from, "");
-        session.driving.send("KILL");
-        session.driving.wait();
+        undisturbed(|| gone(name, signal));
     }
+}
+
+fn gone(name: &str, signal: &str) {
+    let mut session = Session::start(None);
+    session.driving.wait_for_rows(AFTER as usize);
+    session.driving.send(signal);
+    let from = session.emulator.state().time;
+    watchdog(name, &session, from, "");
 }
 
 fn watchdog(name: &str, session: &Session, from: f64, said: &str) {
@@ -149,6 +160,10 @@ fn watchdog(name: &str, session: &Session, from: f64, said: &str) {
 
 #[test]
 fn ctrl_c_reaches_the_robot_through_the_line() {
+    undisturbed(interrupted);
+}
+
+fn interrupted() {
     let mut session = Session::start(None);
     session.driving.wait_for_rows(AFTER as usize);
     let before = session.emulator.state().time;

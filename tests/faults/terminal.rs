@@ -10,7 +10,8 @@ use rustix::fs::{Mode, OFlags};
 use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
 use rustix::termios::{LocalModes, Winsize, tcgetattr, tcsetwinsize};
 
-use super::signals::{PATIENCE, readable, simulated};
+use super::machine::undisturbed;
+use super::signals::{HELD, PATIENCE, readable, simulated};
 
 /// As a held key repeats.
 const REPEAT: Duration = Duration::from_millis(30);
@@ -47,6 +48,7 @@ impl Session {
         // Its own session, whose terminal this is, so that ctrl-C is a signal.
         let mut command = Command::new("setsid");
         command.args(["--ctty", env!("CARGO_BIN_EXE_wheelwright"), "record", "c.toml", "--out", "out", "--dead-man"]);
+        command.arg("--set").arg(format!("record.dead_man_timeout={HELD}"));
         let end = || line.try_clone().unwrap();
         let child = command.current_dir(folder.path()).stdin(end()).stdout(end()).stderr(end()).spawn().unwrap();
         Self { keyboard, line, screen, child, folder }
@@ -96,19 +98,23 @@ impl Drop for Session {
 #[test]
 fn a_key_is_held_at_a_terminal_and_the_drive_is_seen() {
     for (name, last, says) in [("key let go", None, "dead man"), ("ctrl-C while it is held", Some(3), "stopped by request")] {
-        let mut session = Session::start();
-        session.until("hold a key", None);
-        assert!(!session.as_at_a_shell(), "keys are taken one by one");
-        assert!(!session.folder.path().join("out/recording.csv").exists(), "nothing moves before a key is held");
-        for seen in ["s left, let the key go to stop", "v_ref", "measured", "█"] {
-            session.until(seen, Some(b' '));
-        }
-        if let Some(key) = last {
-            session.keyboard.write_all(&[key]).unwrap();
-        }
-        session.until(says, None);
-        assert_eq!(session.end().code(), Some(1), "{name}");
-        assert!(session.as_at_a_shell(), "{name}: the terminal is as it was");
-        super::line(&format!("{name}, terminal"), 0, readable(&session.folder.path().join("out")), says);
+        undisturbed(|| held(name, last, says));
     }
+}
+
+fn held(name: &str, last: Option<u8>, says: &str) {
+    let mut session = Session::start();
+    session.until("hold a key", None);
+    assert!(!session.as_at_a_shell(), "keys are taken one by one");
+    assert!(!session.folder.path().join("out/recording.csv").exists(), "nothing moves before a key is held");
+    for seen in ["s left, let the key go to stop", "v_ref", "measured", "█"] {
+        session.until(seen, Some(b' '));
+    }
+    if let Some(key) = last {
+        session.keyboard.write_all(&[key]).unwrap();
+    }
+    session.until(says, None);
+    assert_eq!(session.end().code(), Some(1), "{name}");
+    assert!(session.as_at_a_shell(), "{name}: the terminal is as it was");
+    super::line(&format!("{name}, terminal"), 0, readable(&session.folder.path().join("out")), says);
 }

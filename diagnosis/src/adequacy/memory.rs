@@ -51,14 +51,8 @@ fn of(comparison: &Comparison<'_>, output: usize) -> Option<Memory> {
     let error = ((1.0 + 2.0 * before) / samples as f64).sqrt();
     let lasts = correlation(lags);
     let chance = Normal::standard().inverse_cdf(1.0 - FALSE_ALARM / comparison.rates.len() as f64);
-    let misfit: f64 = comparison
-        .data
-        .stretches
-        .iter()
-        .zip(comparison.base)
-        .flat_map(|(s, b)| s.outputs[output].iter().zip(&b[output]))
-        .map(|(y, b)| (y - b).powi(2))
-        .sum();
+    let squares = |s: usize| (0..comparison.data.stretches[s].len()).map(move |k| comparison.misfit(s, output, k).powi(2)).sum::<f64>();
+    let misfit: f64 = (0..comparison.data.stretches.len()).map(squares).sum();
     (lasts > LASTS.max(chance * error)).then(|| Memory { output, lag, correlation: lasts, share: (lasts * variance / misfit).min(1.0) })
 }
 

@@ -1,4 +1,5 @@
-//! The force of a drive is limited: what a wheel's loop asks for, |U − (1 + κ) s|, or what is left of the voltage to accelerate, is cut at m.
+//! The force of a drive is limited: what a wheel's loop asks for, |U − (1 + κ) s|, or what is left of the voltage to accelerate, is cut
+//! at m.
 
 use serde::{Deserialize, Serialize};
 use wheelwright_core::Effect;
@@ -8,11 +9,12 @@ use super::words::quantity;
 
 /// A limit of current or torque.
 ///
-/// Where speeds are commanded (the body frame) each wheel's loop pulls in proportion to the speed it lacks, U − s, and the limit
-/// cuts that. Of a loop that asks for voltage back-EMF takes κ s before the current is limited; a loop that asks for current has κ = 0. Where the loops are closed on forward and angular velocity, both pull at each wheel in the ratio of their gains:
-/// the wheel lacks e_v ± h e_ω / ρ with ρ the ratio of the force-to-command gains of forward and angular motion, and what is cut
-/// of the angular command is ρ times as much. In voltages, and for channels of which nothing is known, the limit cuts what is left
-/// for acceleration when friction and back-EMF have taken theirs: a current limit but for the share that friction needs.
+/// Where speeds are commanded (the body frame) each wheel's loop pulls in proportion to the speed it lacks, U − s, and the limit cuts
+/// that. Of a loop that asks for voltage back-EMF takes κ s before the current is limited; a loop that asks for current has κ = 0. Where
+/// the loops are closed on forward and angular velocity, both pull at each wheel in the ratio of their gains: the wheel lacks e_v ± h e_ω
+/// / ρ with ρ the ratio of the force-to-command gains of forward and angular motion, and what is cut of the angular command is ρ times as
+/// much. In voltages, and for channels of which nothing is known, the limit cuts what is left for acceleration when friction and back-EMF
+/// have taken theirs: a current limit but for the share that friction needs.
 #[derive(Debug, Clone, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct TorqueSaturation {}

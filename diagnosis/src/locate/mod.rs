@@ -1,8 +1,8 @@
 //! Where simulation and recording differ, in what exceeds the noise: by channel, wheel, time, state and frequency.
 //!
 //! Where effects were found, it is what they change: the model with them minus the base model as it is compared, free of noise, in samples
-//! in which they act. A base model that bends to what it cannot say is wrong where they do not act as well: that is told of them, not of
-//! there. Where none was found it is what was measured minus the base model, whose noise is taken off as a variance.
+//! in which they act. A base model bent by what it cannot say is wrong elsewhere too; that is the effects' doing, and no place of theirs.
+//! Where none was found it is what was measured minus the base model, whose noise is taken off as a variance.
 
 mod regions;
 mod spectrum;
@@ -43,13 +43,13 @@ impl Excess {
     }
 }
 
-/// By how much the base model is off in a sample; nothing before effects act that are to explain it.
+/// By how much the base model is off in a sample. Where effects are to explain it (`exact`): nothing in a sample in which none acts.
 fn off(comparison: &Comparison<'_>, exact: bool, s: usize, i: usize, k: usize) -> f64 {
-    let (base, model) = (comparison.base[s][i][k], comparison.model[s][i][k]);
+    let model = comparison.model[s][i][k];
     match exact {
-        false => comparison.data.stretches[s].outputs[i][k] - base,
+        false => comparison.misfit(s, i, k),
         true if model == comparison.without[s][i][k] => 0.0,
-        true => model - base,
+        true => model - comparison.base[s][i][k],
     }
 }
 
@@ -59,7 +59,7 @@ pub fn locate(comparison: &Comparison<'_>, tests: Vec<String>) -> Location {
     let channels = shares_of_channels(comparison, &excess);
     let wheels = shares_of_wheels(comparison, &excess);
     let regions = regions::find(comparison, &excess);
-    let times = times::since(comparison, times::intervals(comparison, &excess));
+    let times = times::intervals(comparison, &excess);
     let changes = times::changes(comparison);
     let frequencies_hz = spectrum::bands(comparison, &excess);
     let mut location = Location { channels, wheels, times, changes, regions, frequencies_hz, statement: String::new(), tests };

@@ -16,7 +16,8 @@ const DISTINCT: f64 = 23.0;
 /// Fall of twice the log-likelihood that bounds the 95 % interval.
 const WITHIN: f64 = 3.84;
 
-/// Stretches of time that hold more than noise: seconds in which effects act, or else seconds whose energy noise does not explain.
+/// Stretches of time that hold more than noise: seconds in which effects act, or else seconds whose energy noise does not explain. What
+/// begins at a time of the recording is there from then on.
 pub(super) fn intervals(comparison: &Comparison<'_>, excess: &Excess) -> Vec<(f64, f64)> {
     let mut intervals: Vec<(f64, f64)> = Vec::new();
     for (s, rows) in blocks(comparison.data, 1.0) {
@@ -34,12 +35,14 @@ pub(super) fn intervals(comparison: &Comparison<'_>, excess: &Excess) -> Vec<(f6
             _ => intervals.push((from, to)),
         }
     }
-    intervals
+    match comparison.since {
+        Some(since) => from(comparison, intervals, since),
+        None => intervals,
+    }
 }
 
-/// What begins at a time of the recording is there from then on.
-pub(super) fn since(comparison: &Comparison<'_>, mut intervals: Vec<(f64, f64)>) -> Vec<(f64, f64)> {
-    let Some(since) = comparison.since else { return intervals };
+/// Intervals before a time as they are, and all that was recorded from that time on.
+fn from(comparison: &Comparison<'_>, mut intervals: Vec<(f64, f64)>, since: f64) -> Vec<(f64, f64)> {
     intervals.retain(|(from, _)| *from < since);
     intervals.iter_mut().for_each(|(_, to)| *to = to.min(since));
     for stretch in &comparison.data.stretches {
@@ -57,8 +60,7 @@ pub(super) fn changes(comparison: &Comparison<'_>) -> Vec<ChangePoint> {
     let energy: Vec<f64> = blocks
         .iter()
         .map(|(s, rows)| {
-            let stretch = &comparison.data.stretches[*s];
-            let one = |i: usize, k: usize| ((stretch.outputs[i][k] - comparison.base[*s][i][k]) / comparison.noise[i]).powi(2);
+            let one = |i: usize, k: usize| (comparison.misfit(*s, i, k) / comparison.noise[i]).powi(2);
             let sum: f64 = rows.clone().map(|k| (0..comparison.outputs()).map(|i| one(i, k)).sum::<f64>()).sum();
             (sum / (rows.len() * comparison.outputs()) as f64).max(1e-12)
         })
