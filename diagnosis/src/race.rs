@@ -3,11 +3,11 @@
 
 use wheelwright_core::effect::{Stage, Start};
 
-use crate::fit::search::{Effort, Fit, evaluate, linearise, maximise};
-use crate::fit::setting::{Point, Runner};
+use crate::fit::search::{Effort, Fit, OPTIMISM, OUT_OF_REACH, evaluate, linearise, maximise};
+use crate::fit::setting::{COARSE_ERROR, Point, Runner};
 use crate::fit::whitening::Whitening;
 use crate::screen::{Candidate, Projection, Response};
-use crate::select::{EXCHANGE, Search, State};
+use crate::select::{EXCHANGE, SHARE, Search, State};
 
 /// Effects that enter the race after screening. Of the 95 effects that came out first or within a toss of a coin of it, over 58 development
 /// cases of two engines, none had stood lower than tenth (loops aside, which always enter).
@@ -27,8 +27,8 @@ const VARIANTS: usize = 2;
 /// Share of what one parameter costs that an effect's linearised gain has to reach, for a refinement to make evidence of it. Of 97 winners and
 /// equals of winners, over 58 development cases of two engines, none had been promised less than all of it.
 const PROMISING: f64 = 0.5;
-/// Share of the best linearised gain, or of what the member gains whose place is contested, below which an effect is left behind. Of the same 97
-/// none had less than 0.49.
+/// Share of the best linearised gain, of what the member gains whose place is contested, or of what an addition has to gain, below which an
+/// effect is left behind. Of the same 97 none had less than 0.49 of the first two.
 const BEHIND: f64 = 0.25;
 /// Refinement of a candidate: enough to rank it.
 const RANKING: Effort = Effort { trials: 14, worthwhile: 0.5, target: f64::NEG_INFINITY };
@@ -54,17 +54,25 @@ pub(crate) struct Field<'f> {
     unbent: Option<&'f [f64]>,
     /// What the member gains whose place is contested.
     gain: f64,
+    /// What the model explains that is joined.
+    explained: f64,
 }
 
 impl<'f> Field<'f> {
-    /// For a place beside a model.
-    pub(crate) const fn open() -> Self {
-        Self { entrants: ENTRANTS, rounds: RACE, unbent: None, gain: 0.0 }
+    /// For a place beside a model that explains so much.
+    pub(crate) const fn open(explained: f64) -> Self {
+        Self { entrants: ENTRANTS, rounds: RACE, unbent: None, gain: 0.0, explained }
     }
 
     /// For the place of a member that gains so much, with the other unknowns as they are beside it.
-    pub(crate) const fn contest(unbent: &'f [f64], gain: f64) -> Self {
-        Self { entrants: CONTESTANTS, rounds: CONTEST, unbent: Some(unbent), gain }
+    pub(crate) const fn contest(unbent: &'f [f64], gain: f64, explained: f64) -> Self {
+        Self { entrants: CONTESTANTS, rounds: CONTEST, unbent: Some(unbent), gain, explained }
+    }
+
+    /// What an effect has to gain, so that anybody asks for it: as much as the member whose place it contests, but for what laws are inexact
+    /// by.
+    fn asked(&self) -> f64 {
+        (self.gain - SHARE * (self.gain + self.explained)).max(0.0)
     }
 }
 
@@ -76,20 +84,29 @@ struct Racing<'s, 'a> {
     fit: Fit,
     /// Twice the log-likelihood less what the effect's parameters cost.
     value: f64,
+    /// By how much that has grown over the last round.
+    grown: f64,
 }
 
 impl<'s, 'a> Racing<'s, 'a> {
     fn new(search: &'s Search<'a>, effect: usize, runner: Runner<'s, 'a>, fit: Fit) -> Self {
         let cost = search.effect(effect).parameters(search.setting.scene).len() as f64 * search.log_values();
         let value = fit.likelihood(&search.setting) - cost;
-        Self { effect, name: search.effect(effect).name(), runner, fit, value }
+        Self { effect, name: search.effect(effect).name(), runner, fit, value, grown: f64::INFINITY }
     }
 
     /// The same some steps further.
     fn on(self, search: &'s Search<'a>, whitening: &Whitening, effort: Effort) -> Self {
-        let Self { effect, mut runner, fit, .. } = self;
+        let Self { effect, mut runner, fit, value, .. } = self;
         let fit = maximise(&search.setting, &mut runner, whitening, fit, effort, false);
-        Self::new(search, effect, runner, fit)
+        let further = Self::new(search, effect, runner, fit);
+        Self { grown: further.value - value, ..further }
+    }
+
+    /// Whether it may yet come near to what is best and to what is asked for, at a few times the pace of its last round.
+    fn reaches(&self, search: &Search<'_>, best: f64, asked: f64, near: f64) -> bool {
+        let further = OPTIMISM * self.grown + near;
+        self.value + further >= best && self.fit.likelihood(&search.setting) + further >= asked
     }
 }
 
@@ -126,12 +143,16 @@ impl<'a> Search<'a> {
         let projection = self.projection(state, whitening);
         let freedom = self.freedom(&state.effects, &state.fit);
         let before = state.fit.likelihood(&self.setting);
+        let asked = before + field.asked();
         let mut racing: Vec<Racing<'_, 'a>> =
             self.promising(screened, field).flat_map(|c| self.enter(state, &projection, whitening, c, responses, field)).collect();
         for (trials, places) in field.rounds {
             let effort = Effort { trials, ..RANKING };
             racing = racing.into_iter().map(|r| r.on(self, whitening, effort)).collect();
             racing.sort_by(|a, b| b.value.total_cmp(&a.value));
+            let best = racing.first().map_or(f64::NEG_INFINITY, |r| r.value);
+            let near = self.near(best - before);
+            racing.retain(|r| r.reaches(self, best, asked, near));
             racing = thinned(racing, if self.setting.exhausted() { LAST } else { places });
         }
         let mut refined: Vec<Refined> = Vec::new();
@@ -140,7 +161,7 @@ impl<'a> Search<'a> {
             let Some(mut runner) = self.runner(&indices, &coarse.point) else { continue };
             let Some(mut fit) = evaluate(&self.setting, &mut runner, whitening, &coarse.point) else { continue };
             fit.columns = coarse.columns;
-            let target = refined.iter().map(|r| r.fit.likelihood(&self.setting)).fold(before, f64::max);
+            let target = refined.iter().map(|r| r.fit.likelihood(&self.setting)).fold(asked, f64::max);
             let effort = Effort { target, ..RANKING };
             let fit = maximise(&self.setting, &mut runner, whitening, fit, effort, false);
             let fit = self.detour(effect, &mut runner, whitening, fit, effort);
@@ -156,6 +177,13 @@ impl<'a> Search<'a> {
         refined
     }
 
+    /// How far from each other, in twice the log-likelihood as it is raced for, two effects may be of which either may come out first: by the
+    /// coarse steps, and by as much of what they gain as laws are inexact by.
+    fn near(&self, gain: f64) -> f64 {
+        let values = (self.setting.layout.counted() * self.setting.layout.outputs()) as f64;
+        OUT_OF_REACH + COARSE_ERROR * COARSE_ERROR * values + SHARE * gain.max(0.0)
+    }
+
     /// The effects that enter: those that promise enough, not too many variants of one name, and what closes a loop, of which no promise says anything.
     fn promising<'c>(
         &'c self,
@@ -164,7 +192,7 @@ impl<'a> Search<'a> {
     ) -> impl Iterator<Item = &'c Vec<Candidate>> + use<'c, 'a> {
         let closes = |c: &&Vec<Candidate>| self.effect(c[0].effect).stage() == Stage::Loop;
         let best = screened.iter().filter(|c| !closes(c)).map(|c| c[0].gain).fold(field.gain, f64::max);
-        let least = (PROMISING * self.penalty(1.0)).max(BEHIND * best);
+        let least = (PROMISING * self.penalty(1.0)).max(BEHIND * best).max(BEHIND * SHARE * field.explained);
         let mut names: Vec<&str> = Vec::new();
         let few = move |c: &&Vec<Candidate>| {
             let name = self.effect(c[0].effect).name();

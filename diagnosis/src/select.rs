@@ -285,7 +285,8 @@ impl<'a> Search<'a> {
             &fresh
         };
         let screened = self.screen(&selected.state, &selected.whitening, responses);
-        let refined = self.refine(&selected.state, &selected.whitening, &screened, responses, &Field::open());
+        let field = Field::open(selected.gained(&self.setting, &selected.state.fit));
+        let refined = self.refine(&selected.state, &selected.whitening, &screened, responses, &field);
         let joined = (0..refined.len().min(2)).filter(|i| refined[*i].score > 0.0).find_map(|i| self.join(selected, &refined, i));
         (self.ranking(&screened, &refined), joined)
     }
@@ -296,13 +297,8 @@ impl<'a> Search<'a> {
         let noise = Noise::white(&self.setting.scene.scales.outputs, &self.setting.layout);
         let effects = selected.state.effects.clone();
         let (whitening, fit) = self.under(&effects, &selected.state.fit, &noise, COMPARING)?;
-        Some(Selected {
-            state: State { effects, fit },
-            whitening,
-            base: selected.base.clone(),
-            rivals: selected.rivals.clone(),
-            ranking: Vec::new(),
-        })
+        let (_, base) = self.under(&[], &selected.base, &noise, COMPARING)?;
+        Some(Selected { state: State { effects, fit }, whitening, base, rivals: selected.rivals.clone(), ranking: Vec::new() })
     }
 
     fn ranking(&self, screened: &[Vec<Candidate>], refined: &[Refined]) -> Vec<(usize, f64)> {
@@ -459,7 +455,8 @@ impl<'a> Search<'a> {
         let others: Vec<Vec<Candidate>> = screened.into_iter().filter(|c| c[0].effect != dropped).collect();
         let unbent: Vec<f64> = self.unknowns(&selected.state, &|i| i != member).map(|j| selected.state.fit.point.x[j]).collect();
         let gain = selected.state.fit.likelihood(&self.setting) - rest.fit.likelihood(&self.setting);
-        let refined = self.refine(&rest, &selected.whitening, &others, &responses, &Field::contest(&unbent, gain));
+        let field = Field::contest(&unbent, gain, selected.gained(&self.setting, &rest.fit));
+        let refined = self.refine(&rest, &selected.whitening, &others, &responses, &field);
         (rest, refined)
     }
 

@@ -18,6 +18,8 @@ use crate::select::{Search, State};
 pub(crate) const ORDINARY: f64 = 0.35;
 /// Half octaves by which it is narrowed and widened: to a robot on a desk, to a car.
 const HALF_OCTAVES: [i32; 8] = [-4, -3, -2, -1, 1, 2, 3, 4];
+/// Effects that are screened at other widths than the ordinary one.
+const CONSIDERED: usize = 12;
 /// Fits between the neighbours of the best: in the end they differ by 4 %.
 const SECTIONS: usize = 7;
 /// The golden section.
@@ -32,11 +34,13 @@ pub(crate) fn likeliest(question: &Question<'_>, start: &Surroundings<'_>, headi
     }
     let state = State { effects: Vec::new(), fit: start.base.clone() };
     let scene = |width: f64| Scene::new(setting.data, question.model, width, question.wheel_radius, headings);
-    // Where nothing is promised at the ordinary width nothing is missing.
-    let ordinary = best(&start.search, &start.search.screen(&state, &start.whitening, &start.responses))?;
+    // Where nothing is promised at the ordinary width nothing is missing; what promises nothing there is not what tells the width.
+    let screened_ordinary = start.search.screen(&state, &start.whitening, &start.responses);
+    let open = worth_a_look(&start.search, &screened_ordinary);
+    let ordinary = best(&search(start, setting.scene, open.clone()), &screened_ordinary)?;
     let promised = HALF_OCTAVES.map(|k| ORDINARY * SQRT_2.powi(k)).into_iter().filter_map(|width| {
         let scene = scene(width);
-        let search = search(start, &scene, start.search.open.clone());
+        let search = search(start, &scene, open.clone());
         let (effect, value) = best(&search, &screened(start, &search, &state).1)?;
         Some((width, effect, value))
     });
@@ -45,7 +49,7 @@ pub(crate) fn likeliest(question: &Question<'_>, start: &Surroundings<'_>, headi
         let scene = scene(width);
         let search = search(start, &scene, vec![effect]);
         let (responses, screened) = screened(start, &search, &state);
-        let refined = search.refine(&state, &start.whitening, &screened, &responses, &Field::open());
+        let refined = search.refine(&state, &start.whitening, &screened, &responses, &Field::open(0.0));
         refined.first().map_or(f64::NEG_INFINITY, |best| best.score)
     };
     let (width, most) = highest(&|log: f64| evidence(log.exp()), (width / SQRT_2).ln(), (width * SQRT_2).ln());
@@ -62,6 +66,12 @@ fn screened(start: &Surroundings<'_>, search: &Search<'_>, state: &State) -> (Ve
     let responses = search.respond(&start.rough);
     let screened = search.screen(state, &start.whitening, &responses);
     (responses, screened)
+}
+
+/// The effects that promise more than they cost, those that promise most first.
+fn worth_a_look(search: &Search<'_>, screened: &[Vec<Candidate>]) -> Vec<usize> {
+    let promising = screened.iter().filter(|c| c[0].gain > search.penalty(c[0].freedom as f64));
+    promising.take(CONSIDERED).map(|c| c[0].effect).collect()
 }
 
 /// The effect that promises most, and what, if it is more than it costs.

@@ -13,9 +13,9 @@ use super::setting::{Point, Runner, Setting};
 use super::whitening::Whitening;
 
 /// How much more than it promises a step may bring in the end.
-const OPTIMISM: f64 = 4.0;
+pub(crate) const OPTIMISM: f64 = 4.0;
 /// Distance in twice the log-likelihood at which a rival is none.
-const OUT_OF_REACH: f64 = 40.0;
+pub(crate) const OUT_OF_REACH: f64 = 40.0;
 /// Rate per sampling interval beyond which no trial goes: within one interval a step comes nearer to its end than the numerical error, and all
 /// that is faster looks the same, but for the time that it takes to simulate.
 const TOO_FAST: f64 = 20.0;

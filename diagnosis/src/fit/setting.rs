@@ -17,9 +17,10 @@ const DIFFERENCE: f64 = 1e-3;
 /// small jumps of an adaptive step.
 const EFFECT_DIFFERENCE: f64 = 1e-2;
 
-/// How much coarser than a fit that counts it is stepped what only has to be ranked: the error of a step of second order is then still a
-/// sixth of the noise.
+/// How much coarser than a fit that counts it is stepped what only has to be ranked.
 const COARSE: usize = 4;
+/// The error of a step of second order is then still this share of the noise.
+pub(crate) const COARSE_ERROR: f64 = 1.0 / 6.0;
 /// Most steps between samples of a fit that counts.
 const MOST_SUBSTEPS: usize = 16;
 
