@@ -501,7 +501,7 @@ mod library;
 #[cfg(unix)]
 #[path = "faults/link.rs"]
 mod link;
-#[path = "faults/machine.rs"]
+#[path = "suite/machine.rs"]
 mod machine;
 #[cfg(unix)]
 #[path = "faults/signals.rs"]

@@ -7,6 +7,8 @@ use std::process::{Command, Output};
 use serde_json::Value;
 use wheelwright_core::recording::ReadOptions;
 
+use crate::machine::undisturbed;
+
 fn wheelwright(arguments: &[&str]) -> Output {
     Command::new(env!("CARGO_BIN_EXE_wheelwright")).args(arguments).current_dir(env!("CARGO_MANIFEST_DIR")).output().unwrap()
 }
@@ -220,33 +222,35 @@ deadline = 5.0
 /// One course, three robots: only `[robot]` differs.
 #[test]
 fn the_same_course_runs_on_simulator_and_emulators() {
-    let folder = tempfile::tempdir().unwrap();
-    // A port that was free a moment ago.
-    let port = std::net::TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap().port();
-    let pty = folder.path().join("pty");
-    let _pioneer = emulate("examples/emulate_pioneer.toml", &format!("emulator.listen=\"127.0.0.1:{port}\""));
-    let _khepera = emulate("examples/emulate_khepera.toml", &format!("emulator.pty=\"{}\"", pty.display()));
-    let robots = [
-        ("simulator", "type = \"simulator\"\nrobot = \"pioneer-3dx\"".to_owned()),
-        ("pioneer", format!("type = \"pioneer\"\ntcp = \"127.0.0.1:{port}\"")),
-        ("khepera", format!("type = \"khepera\"\nserial = \"{}\"\nperiod = 0.04", pty.display())),
-    ];
-    for (name, robot) in robots {
-        let (config, out) = (folder.path().join(format!("{name}.toml")), folder.path().join(name));
-        fs::write(&config, format!("[robot]\n{robot}\n{COURSE}")).unwrap();
-        let run = || wheelwright(&["track", config.to_str().unwrap(), "--out", out.to_str().unwrap(), "--json"]);
-        // The emulator may still be starting.
-        let mut output = run();
-        for _ in 0..20 {
-            if output.status.success() || out.join("recording.csv").exists() {
-                break;
+    undisturbed(|| {
+        let folder = tempfile::tempdir().unwrap();
+        // A port that was free a moment ago.
+        let port = std::net::TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap().port();
+        let pty = folder.path().join("pty");
+        let _pioneer = emulate("examples/emulate_pioneer.toml", &format!("emulator.listen=\"127.0.0.1:{port}\""));
+        let _khepera = emulate("examples/emulate_khepera.toml", &format!("emulator.pty=\"{}\"", pty.display()));
+        let robots = [
+            ("simulator", "type = \"simulator\"\nrobot = \"pioneer-3dx\"".to_owned()),
+            ("pioneer", format!("type = \"pioneer\"\ntcp = \"127.0.0.1:{port}\"")),
+            ("khepera", format!("type = \"khepera\"\nserial = \"{}\"\nperiod = 0.04", pty.display())),
+        ];
+        for (name, robot) in robots {
+            let (config, out) = (folder.path().join(format!("{name}.toml")), folder.path().join(name));
+            fs::write(&config, format!("[robot]\n{robot}\n{COURSE}")).unwrap();
+            let run = || wheelwright(&["track", config.to_str().unwrap(), "--out", out.to_str().unwrap(), "--json"]);
+            // The emulator may still be starting.
+            let mut output = run();
+            for _ in 0..20 {
+                if output.status.success() || out.join("recording.csv").exists() {
+                    break;
+                }
+                std::thread::sleep(std::time::Duration::from_millis(500));
+                output = run();
             }
-            std::thread::sleep(std::time::Duration::from_millis(500));
-            output = run();
+            assert!(output.status.success(), "{name}: {}", String::from_utf8_lossy(&output.stderr));
+            let document: Value = serde_json::from_slice(&output.stdout).unwrap();
+            let last = document["distance"]["last"].as_f64().unwrap();
+            assert!(last < 0.05, "{name}: {document:#}");
         }
-        assert!(output.status.success(), "{name}: {}", String::from_utf8_lossy(&output.stderr));
-        let document: Value = serde_json::from_slice(&output.stdout).unwrap();
-        let last = document["distance"]["last"].as_f64().unwrap();
-        assert!(last < 0.05, "{name}: {document:#}");
-    }
+    });
 }

@@ -8,5 +8,6 @@ mod control;
 mod diagnose;
 mod emulate;
 mod library;
+mod machine;
 mod plugins;
 mod recording;

@@ -7,6 +7,7 @@ use std::time::{Duration, Instant};
 use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
 
 use crate::common::wire::{agree, emulate, identify, robot, stands_beside_a_late_law};
+use crate::machine::undisturbed;
 use wheelwright_core::robot::{Live, RobotError};
 use wheelwright_robots::emulator::Emulator;
 
@@ -119,30 +120,34 @@ fn a_step_that_the_ramp_cannot_follow_is_named() {
 
 #[test]
 fn stop_can_be_called_any_time_and_again() {
-    let emulator = emulate(STEPPED_PIONEER, PIONEER);
-    let mut robot = stepped_pioneer(&emulator, "", "");
-    for _ in 0..10 {
-        robot.step(&[0.5, 0.5], &mut [0.0; 8]).unwrap();
-    }
-    for _ in 0..3 {
-        robot.stop().unwrap();
-    }
-    // The last packet is on its way when `stop` returns.
-    std::thread::sleep(Duration::from_millis(100));
-    let state = emulator.state();
-    assert!(!state.enabled && state.v_ref == 0.0 && state.v.abs() < 0.01, "{state:?}");
-    drop(robot);
-    std::thread::sleep(Duration::from_millis(100));
-    assert!(!emulator.state().open, "the session is closed at the end");
+    undisturbed(|| {
+        let emulator = emulate(STEPPED_PIONEER, PIONEER);
+        let mut robot = stepped_pioneer(&emulator, "", "");
+        for _ in 0..10 {
+            robot.step(&[0.5, 0.5], &mut [0.0; 8]).unwrap();
+        }
+        for _ in 0..3 {
+            robot.stop().unwrap();
+        }
+        // The last packet is on its way when `stop` returns.
+        std::thread::sleep(Duration::from_millis(100));
+        let state = emulator.state();
+        assert!(!state.enabled && state.v_ref == 0.0 && state.v.abs() < 0.01, "{state:?}");
+        drop(robot);
+        std::thread::sleep(Duration::from_millis(100));
+        assert!(!emulator.state().open, "the session is closed at the end");
+    });
 }
 
 #[test]
 fn a_session_left_open_is_closed_and_opened_again() {
-    let emulator = emulate("type = 'pioneer'\nlisten = '127.0.0.1:0'", PIONEER);
-    leave_open(emulator.address());
-    let mut second = robot(&format!("type = 'pioneer'\ntcp = '{}'", emulator.address())).unwrap();
-    let t = second.measure(&mut [0.0; 8]).unwrap();
-    assert!(t > 0.0 && emulator.clients() == 2);
+    undisturbed(|| {
+        let emulator = emulate("type = 'pioneer'\nlisten = '127.0.0.1:0'", PIONEER);
+        leave_open(emulator.address());
+        let mut second = robot(&format!("type = 'pioneer'\ntcp = '{}'", emulator.address())).unwrap();
+        let t = second.measure(&mut [0.0; 8]).unwrap();
+        assert!(t > 0.0 && emulator.clients() == 2);
+    });
 }
 
 /// Opens a session by hand and goes away.
@@ -160,14 +165,16 @@ fn leave_open(address: &str) {
 
 #[test]
 fn the_watchdog_stops_a_robot_whose_host_is_gone() {
-    let emulator = emulate("type = 'pioneer'\nlisten = '127.0.0.1:0'\nwatchdog = 0.5\nacceleration = 2000", PIONEER);
-    leave_open(emulator.address());
-    let moving = emulator.state();
-    assert!(moving.v > 0.01 && moving.open, "{moving:?}");
-    std::thread::sleep(Duration::from_millis(1800));
-    let state = emulator.state();
-    assert!(state.v.abs() < 0.01, "it stands: {state:?}");
-    assert!((state.v_ref - 0.3).abs() < 1e-9, "and remembers what it was told: {state:?}");
+    undisturbed(|| {
+        let emulator = emulate("type = 'pioneer'\nlisten = '127.0.0.1:0'\nwatchdog = 0.5\nacceleration = 2000", PIONEER);
+        leave_open(emulator.address());
+        let moving = emulator.state();
+        assert!(moving.v > 0.01 && moving.open, "{moving:?}");
+        std::thread::sleep(Duration::from_millis(1800));
+        let state = emulator.state();
+        assert!(state.v.abs() < 0.01, "it stands: {state:?}");
+        assert!((state.v_ref - 0.3).abs() < 1e-9, "and remembers what it was told: {state:?}");
+    });
 }
 
 /// Drives until something goes wrong; returns the error and the time from then to the zero command at the robot.
@@ -193,66 +200,80 @@ fn drive_into(fault: &str) -> (RobotError, Emulator, Instant) {
 
 #[test]
 fn a_cut_line_and_half_a_packet_are_lost_connections() {
-    for kind in ["cut", "half-packet"] {
-        let (error, ..) = drive_into(&format!("kind = '{kind}'"));
-        assert!(matches!(error, RobotError::Connection(_)), "{kind}: {error}");
-    }
+    undisturbed(|| {
+        for kind in ["cut", "half-packet"] {
+            let (error, ..) = drive_into(&format!("kind = '{kind}'"));
+            assert!(matches!(error, RobotError::Connection(_)), "{kind}: {error}");
+        }
+    });
 }
 
 #[test]
 fn a_silent_robot_is_told_to_stand_within_two_cycles() {
-    for kind in ["silent", "bad-checksum"] {
-        let (error, emulator, last) = drive_into(&format!("kind = '{kind}'"));
-        assert!(matches!(error, RobotError::Timeout { .. }), "{kind}: {error}");
-        let zero = emulator.commands().into_iter().find(|c| c.arrival > last && c.state.v_ref == 0.0).unwrap();
-        let waited = zero.arrival - last;
-        assert!(waited < Duration::from_millis(260), "{kind}: zero was commanded {waited:?} after the last packet");
-    }
+    undisturbed(|| {
+        for kind in ["silent", "bad-checksum"] {
+            let (error, emulator, last) = drive_into(&format!("kind = '{kind}'"));
+            assert!(matches!(error, RobotError::Timeout { .. }), "{kind}: {error}");
+            let zero = emulator.commands().into_iter().find(|c| c.arrival > last && c.state.v_ref == 0.0).unwrap();
+            let waited = zero.arrival - last;
+            assert!(waited < Duration::from_millis(260), "{kind}: zero was commanded {waited:?} after the last packet");
+        }
+    });
 }
 
 #[test]
 fn each_robot_is_told_to_stand_beside_a_law_that_is_late_and_drives_on() {
-    let pioneer = emulate("type = 'pioneer'\nlisten = '127.0.0.1:0'\nacceleration = 2000", PIONEER);
-    let khepera = emulate("type = 'khepera'\nlisten = '127.0.0.1:0'", "type = 'simulator'\nrobot = 'khepera-3'");
-    for (name, emulator, more) in [("pioneer", pioneer, "[limits]\nv_dot = 2.0\nomega_dot = 5.0"), ("khepera", khepera, "period = 0.05")] {
-        let mut robot = robot(&format!("type = '{name}'\ntcp = '{}'\n{more}", emulator.address())).unwrap();
-        stands_beside_a_late_law(name, &mut robot, || [emulator.state().v_ref, emulator.state().omega_ref]);
-    }
+    undisturbed(|| {
+        let pioneer = emulate("type = 'pioneer'\nlisten = '127.0.0.1:0'\nacceleration = 2000", PIONEER);
+        let khepera = emulate("type = 'khepera'\nlisten = '127.0.0.1:0'", "type = 'simulator'\nrobot = 'khepera-3'");
+        for (name, emulator, more) in
+            [("pioneer", pioneer, "[limits]\nv_dot = 2.0\nomega_dot = 5.0"), ("khepera", khepera, "period = 0.05")]
+        {
+            let mut robot = robot(&format!("type = '{name}'\ntcp = '{}'\n{more}", emulator.address())).unwrap();
+            stands_beside_a_late_law(name, &mut robot, || [emulator.state().v_ref, emulator.state().omega_ref]);
+        }
+    });
 }
 
 #[test]
 fn a_burst_of_bad_checksums_is_survived_and_counted_in_time() {
-    let server = "type = 'pioneer'\nlisten = '127.0.0.1:0'\n[[fault]]\nafter = 8\nkind = 'bad-checksum'\npackets = 1";
-    let emulator = emulate(server, PIONEER);
-    let mut robot = robot(&format!("type = 'pioneer'\ntcp = '{}'", emulator.address())).unwrap();
-    let mut measured = [0.0; 8];
-    let times: Vec<f64> = (0..10).map(|_| robot.step(&[0.1, 0.0], &mut measured).unwrap()).collect();
-    let steps: Vec<f64> = times.windows(2).map(|w| w[1] - w[0]).collect();
-    let long = steps.iter().filter(|s| (*s - 0.2).abs() < 1e-9).count();
-    let usual = steps.iter().filter(|s| (*s - 0.1).abs() < 1e-9).count();
-    assert!(long == 1 && usual == steps.len() - 1, "{steps:?}");
+    undisturbed(|| {
+        let server = "type = 'pioneer'\nlisten = '127.0.0.1:0'\n[[fault]]\nafter = 8\nkind = 'bad-checksum'\npackets = 1";
+        let emulator = emulate(server, PIONEER);
+        let mut robot = robot(&format!("type = 'pioneer'\ntcp = '{}'", emulator.address())).unwrap();
+        let mut measured = [0.0; 8];
+        let times: Vec<f64> = (0..10).map(|_| robot.step(&[0.1, 0.0], &mut measured).unwrap()).collect();
+        let steps: Vec<f64> = times.windows(2).map(|w| w[1] - w[0]).collect();
+        let long = steps.iter().filter(|s| (*s - 0.2).abs() < 1e-9).count();
+        let usual = steps.iter().filter(|s| (*s - 0.1).abs() < 1e-9).count();
+        assert!(long == 1 && usual == steps.len() - 1, "{steps:?}");
+    });
 }
 
 #[test]
 fn motors_that_go_off_are_a_fault() {
-    let (error, ..) = drive_into("kind = 'motors-off'");
-    assert!(matches!(&error, RobotError::Fault(reason) if reason.contains("motors went off")), "{error}");
+    undisturbed(|| {
+        let (error, ..) = drive_into("kind = 'motors-off'");
+        assert!(matches!(&error, RobotError::Fault(reason) if reason.contains("motors went off")), "{error}");
+    });
 }
 
 #[test]
 fn a_missing_answer_of_a_khepera_is_asked_for_again() {
-    let server = "type = 'khepera'\nlisten = '127.0.0.1:0'\nsilent_after = 30";
-    let emulator = emulate(server, "type = 'simulator'\nrobot = 'khepera-3'");
-    let mut robot = robot(&format!("type = 'khepera'\ntcp = '{}'\ntimeout = 0.05", emulator.address())).unwrap();
-    let mut measured = [0.0; 7];
-    for _ in 0..20 {
-        robot.step(&[0.1, 0.0], &mut measured).unwrap();
-    }
-    assert!((measured[0] - 0.1).abs() < 0.01, "{measured:?}");
-    assert!(robot.warnings().iter().any(|w| w.starts_with("1 answers")), "{:?}", robot.warnings());
-    drop(robot);
-    std::thread::sleep(Duration::from_millis(200));
-    assert_eq!((emulator.state().v_ref, emulator.state().v < 0.01), (0.0, true), "a robot without a watchdog is stopped at the end");
+    undisturbed(|| {
+        let server = "type = 'khepera'\nlisten = '127.0.0.1:0'\nsilent_after = 30";
+        let emulator = emulate(server, "type = 'simulator'\nrobot = 'khepera-3'");
+        let mut robot = robot(&format!("type = 'khepera'\ntcp = '{}'\ntimeout = 0.05", emulator.address())).unwrap();
+        let mut measured = [0.0; 7];
+        for _ in 0..20 {
+            robot.step(&[0.1, 0.0], &mut measured).unwrap();
+        }
+        assert!((measured[0] - 0.1).abs() < 0.01, "{measured:?}");
+        assert!(robot.warnings().iter().any(|w| w.starts_with("1 answers")), "{:?}", robot.warnings());
+        drop(robot);
+        std::thread::sleep(Duration::from_millis(200));
+        assert_eq!((emulator.state().v_ref, emulator.state().v < 0.01), (0.0, true), "a robot without a watchdog is stopped at the end");
+    });
 }
 
 #[test]

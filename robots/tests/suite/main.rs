@@ -5,6 +5,8 @@ mod common;
 mod config;
 mod emulated;
 mod khepera_transcript;
+#[path = "../../../tests/suite/machine.rs"]
+mod machine;
 mod measurement;
 mod physics;
 mod pioneer_packets;

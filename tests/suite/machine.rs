@@ -7,14 +7,14 @@ use std::time::{Duration, Instant};
 
 /// How often the machine is asked whether it is there.
 const TICK: Duration = Duration::from_millis(5);
-/// Half the shortest period here: from then on cycles are lost that nobody but the machine lost.
+/// Half the shortest period of the tests in real time: from then on cycles are lost that nobody but the machine lost.
 const STALL: Duration = Duration::from_millis(25);
 /// Attempts for which the machine may be blamed.
 const ATTEMPTS: usize = 8;
 
 /// Runs a test in real time. It fails at once where it failed though the machine was there all the time, and is attempted again where it
 /// was not; one that fails whenever it is attempted fails.
-pub(super) fn undisturbed(test: impl Fn()) {
+pub(crate) fn undisturbed(test: impl Fn()) {
     for attempt in 1.. {
         let (outcome, stall) = watched(&test);
         let Err(failure) = outcome else { return };
