@@ -180,8 +180,7 @@ impl<'a> Search<'a> {
     /// How far from each other, in twice the log-likelihood as it is raced for, two effects may be of which either may come out first: by the
     /// coarse steps, and by as much of what they gain as laws are inexact by.
     fn near(&self, gain: f64) -> f64 {
-        let values = (self.setting.layout.counted() * self.setting.layout.outputs()) as f64;
-        OUT_OF_REACH + COARSE_ERROR * COARSE_ERROR * values + SHARE * gain.max(0.0)
+        OUT_OF_REACH + COARSE_ERROR * COARSE_ERROR * self.setting.layout.values() + SHARE * gain.max(0.0)
     }
 
     /// The effects that enter: those that promise enough, not too many variants of one name, and what closes a loop, of which no promise says anything.

@@ -101,7 +101,7 @@ fn related(a: &str, b: &str) -> bool {
 impl<'a> Search<'a> {
     /// ln N, N the values that are explained.
     pub(crate) fn log_values(&self) -> f64 {
-        ((self.setting.layout.counted() * self.setting.layout.outputs()) as f64).ln()
+        self.setting.layout.values().ln()
     }
 
     /// Penalty of an addition with so many degrees of freedom.

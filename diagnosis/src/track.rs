@@ -68,17 +68,21 @@ fn screened(start: &Surroundings<'_>, search: &Search<'_>, state: &State) -> (Ve
     (responses, screened)
 }
 
+/// What an effect promises at its best start, less what it costs.
+fn promise(search: &Search<'_>, candidates: &[Candidate]) -> f64 {
+    candidates[0].gain - search.penalty(candidates[0].freedom as f64)
+}
+
 /// The effects that promise more than they cost, those that promise most first.
 fn worth_a_look(search: &Search<'_>, screened: &[Vec<Candidate>]) -> Vec<usize> {
-    let promising = screened.iter().filter(|c| c[0].gain > search.penalty(c[0].freedom as f64));
-    promising.take(CONSIDERED).map(|c| c[0].effect).collect()
+    screened.iter().filter(|c| promise(search, c) > 0.0).take(CONSIDERED).map(|c| c[0].effect).collect()
 }
 
 /// The effect that promises most, and what, if it is more than it costs.
 fn best(search: &Search<'_>, screened: &[Vec<Candidate>]) -> Option<(usize, f64)> {
-    let candidate = screened.first()?.first()?;
-    let value = candidate.gain - search.penalty(candidate.freedom as f64);
-    (value > 0.0).then_some((candidate.effect, value))
+    let first = screened.first()?;
+    let value = promise(search, first);
+    (value > 0.0).then_some((first[0].effect, value))
 }
 
 /// Where a function of one hump is highest, and how high.

@@ -225,11 +225,11 @@ fn an_excitation_that_is_wrong_sends_nothing() {
 
 #[test]
 fn a_panic_stops_the_robot() {
-    let safety = || Safety { deadline: Some(60.0), ..Safety::default() };
+    let safety = Safety { deadline: Some(60.0), ..Safety::default() };
     for (flaw, signal) in [(Flaw::Panics, Signal::Ramp), (Flaw::None, Signal::Panic)] {
         for real_time in [false, true] {
             let (mut robot, stops, _) = overheard(flaw, real_time);
-            let options = DriveOptions { safety: safety(), ..DriveOptions::default() };
+            let options = DriveOptions { safety, ..DriveOptions::default() };
             let outcome = catch_unwind(AssertUnwindSafe(|| drive(&mut robot, &signal, options).map(drop)));
             assert!(outcome.is_err());
             drop(robot);

@@ -11,10 +11,10 @@ use super::words::quantity;
 ///
 /// Where speeds are commanded (the body frame) each wheel's loop pulls in proportion to the speed it lacks, U − s, and the limit cuts
 /// that. Of a loop that asks for voltage back-EMF takes κ s before the current is limited; a loop that asks for current has κ = 0. Where
-/// the loops are closed on forward and angular velocity, both pull at each wheel in the ratio of their gains: the wheel lacks e_v ± h e_ω
-/// / ρ with ρ the ratio of the force-to-command gains of forward and angular motion, and what is cut of the angular command is ρ times as
-/// much. In voltages, and for channels of which nothing is known, the limit cuts what is left for acceleration when friction and back-EMF
-/// have taken theirs: a current limit but for the share that friction needs.
+/// the loops are closed on forward and angular velocity, both pull at each wheel in the ratio of their gains: the wheel lacks e_v ± h
+/// e_ω / ρ with ρ the ratio of the force-to-command gains of forward and angular motion, and what is cut of the angular command is ρ
+/// times as much. In voltages, and for channels of which nothing is known, the limit cuts what is left for acceleration when friction and
+/// back-EMF have taken theirs: a current limit but for the share that friction needs.
 #[derive(Debug, Clone, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct TorqueSaturation {}

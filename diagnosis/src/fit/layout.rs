@@ -62,6 +62,11 @@ impl Layout {
         self.rows - self.unsettled.iter().sum::<usize>()
     }
 
+    /// Values that are explained: those rows of all outputs.
+    pub(crate) fn values(&self) -> f64 {
+        (self.counted() * self.outputs()) as f64
+    }
+
     /// Rows at the start of a stretch that do not count.
     pub(crate) fn unsettled(&self, stretch: usize) -> usize {
         self.unsettled[stretch]

@@ -233,7 +233,7 @@ pub(crate) fn maximise(
 
 /// The gain of twice the log-likelihood that goes with a decrease of the weighted sum of squares.
 fn logarithmic(promised: f64, setting: &Setting<'_>) -> f64 {
-    let values = (setting.layout.counted() * setting.layout.outputs()) as f64;
+    let values = setting.layout.values();
     -values * (1.0 - promised / values).max(1e-9).ln()
 }
 
