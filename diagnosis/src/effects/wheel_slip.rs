@@ -231,15 +231,19 @@ impl Push {
         if self.beyond(limit, creep, least).0 >= 0.0 {
             return self.sign * limit.min(self.size);
         }
-        let hub = creep * self.along.abs();
-        let first = stuck(hub, 1.0 + 3.0 * hub - self.size / limit).max(least);
-        let sticking = root((least, 1.0), first, |y| self.beyond(limit, creep, y));
+        let sticking = root((least, 1.0), self.dragged(limit, creep).max(least), |y| self.beyond(limit, creep, y));
         self.sign * limit * (1.0 - sticking.powi(3))
+    }
+
+    /// The part of the contact that sticks if the hub is the faster.
+    fn dragged(self, limit: f64, creep: f64) -> f64 {
+        let hub = creep * self.along.abs();
+        stuck(hub, 1.0 + 3.0 * hub - self.size / limit)
     }
 
     /// By how much the rim runs further ahead than it must if the part y of the contact is to stick, and how that grows with y.
     fn beyond(self, limit: f64, creep: f64, y: f64) -> (f64, f64) {
-        let ahead = self.size - limit * (1.0 - y.powi(3));
+        let ahead = (self.size - limit) + limit * y.powi(3);
         let (grows, slip) = (3.0 * limit * y * y, 3.0 * limit * creep * (1.0 - y));
         let (hub, rim) = (self.along.abs(), self.along + ahead);
         let (faster, gains) = if rim > hub { (rim, grows) } else { (hub, 0.0) };
@@ -249,10 +253,12 @@ impl Push {
 
 /// Most steps to a root: halving alone needs no more.
 const STEPS: usize = 60;
+/// A step of Newton's that is this small is the last: what it leaves is its square.
+const LAST: f64 = 1e-10;
 
 /// The root of a function that is negative at the lower end of a bracket and positive at the upper, given with its slope: by Newton's steps,
 /// and by halving where they leave the bracket.
-fn root(bracket: (f64, f64), first: f64, function: impl Fn(f64) -> (f64, f64)) -> f64 {
+fn root(bracket: (f64, f64), first: f64, mut function: impl FnMut(f64) -> (f64, f64)) -> f64 {
     let ((mut low, mut high), mut x) = (bracket, first);
     for _ in 0..STEPS {
         let (value, slope) = function(x);
@@ -262,12 +268,11 @@ fn root(bracket: (f64, f64), first: f64, function: impl Fn(f64) -> (f64, f64)) -
             high = x
         }
         let newton = x - value / slope;
-        let next = if newton > low && newton < high { newton } else { 0.5 * (low + high) };
-        let moved = (next - x).abs();
-        x = next;
-        if moved <= f64::EPSILON {
-            break;
+        // Beside the root rounding takes a step out of a bracket that ends there, and halving would begin anew.
+        if (newton - x).abs() <= LAST {
+            return newton.clamp(low, high);
         }
+        x = if newton > low && newton < high { newton } else { 0.5 * (low + high) };
     }
     x
 }
@@ -285,7 +290,28 @@ fn stuck(p: f64, c: f64) -> f64 {
 
 #[cfg(test)]
 mod tests {
-    use super::stuck;
+    use super::{Push, root, stuck};
+
+    #[test]
+    fn what_a_brush_carries_is_found_in_a_few_steps() {
+        for size in [0.3, 0.9, 1.0, 1.1, 2.0, 5.0] {
+            for along in [-3.0, -1.0, -1e-3, 0.0, 1e-3, 0.5, 2.0, 30.0] {
+                for (limit, creep) in [(0.2, 1e-6), (0.2, 0.05), (1.0, 1e-9), (1.0, 0.02), (1.0, 0.7), (1.0, 20.0), (7.0, 0.1)] {
+                    let push = Push { size, along, sign: 1.0 };
+                    if push.beyond(limit, creep, 0.0).0 >= 0.0 {
+                        continue;
+                    }
+                    let mut looks = 0;
+                    let y = root((0.0, 1.0), push.dragged(limit, creep), |y| {
+                        looks += 1;
+                        push.beyond(limit, creep, y)
+                    });
+                    assert!(push.beyond(limit, creep, y).0.abs() < 1e-9, "{push:?} {limit} {creep}: {y}");
+                    assert!(looks <= 12, "{push:?} {limit} {creep}: {looks} looks");
+                }
+            }
+        }
+    }
 
     #[test]
     fn what_sticks_is_the_root_of_its_cubic_to_the_last_digits() {
