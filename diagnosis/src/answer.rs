@@ -129,6 +129,7 @@ fn next_experiment(
         fits: fits.iter().collect(),
         scene: search.setting.scene,
         noise: &selected.whitening.noise,
+        tolerance: search.setting.tolerance,
         limits: question.limits,
         seed: question.seed,
     };

@@ -167,8 +167,11 @@ impl Effect for WheelSlip {
         for (i, own) in state.chunks_exact_mut(3).enumerate() {
             let slip = creep * speeds[i].abs();
             let spans = at.span * (1.0 + slip) / (spin_up * slip);
-            // Where the span or the lag is nothing, nothing of it is left.
-            let (kept, at_once) = if spans < AGES { ((-spans).exp(), 1.0 + (-spans).exp_m1() / spans) } else { (0.0, 1.0) };
+            // Where the lag is nothing, nothing of it is left.
+            let (kept, at_once) = match (-spans).exp_m1() {
+                gone if spans < AGES => (1.0 + gone, 1.0 + gone / spans),
+                _ => (0.0, 1.0),
+            };
             own[0] = pushes[i] + kept * (spun(own, pushes[i]) - pushes[i]);
             own[1] = pushes[i];
             own[2] = at_once;
@@ -226,12 +229,10 @@ impl Push {
         if !limit.is_finite() {
             return self.crept(creep);
         }
-        // The part that sticks where the ground carries all, and where the hub is the faster.
-        let least = (1.0 - self.size / limit).max(0.0).cbrt();
-        if self.beyond(limit, creep, least).0 >= 0.0 {
-            return self.sign * limit.min(self.size);
+        if self.beyond(limit, creep, 0.0).0 >= 0.0 {
+            return self.sign * limit;
         }
-        let sticking = root((least, 1.0), self.dragged(limit, creep).max(least), |y| self.beyond(limit, creep, y));
+        let sticking = root((0.0, 1.0), self.dragged(limit, creep), |y| self.beyond(limit, creep, y));
         self.sign * limit * (1.0 - sticking.powi(3))
     }
 
@@ -283,7 +284,8 @@ fn stuck(p: f64, c: f64) -> f64 {
         return 0.0;
     }
     let half = 0.5 * c;
-    let u = (half + (half * half + p * p * p).sqrt()).cbrt();
+    // Several times as fast as a cube root that is right to the last bit.
+    let u = (half + (half * half + p * p * p).sqrt()).powf(1.0 / 3.0);
     let v = p / u;
     c / (u * u + p + v * v)
 }

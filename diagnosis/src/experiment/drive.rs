@@ -1,4 +1,4 @@
-//! Drives as a list of pieces, rendered within a robot's limits.
+//! Drives as segments of pieces, from rest to rest, rendered within a robot's limits.
 
 use rand::Rng;
 use rand::rngs::StdRng;
@@ -6,9 +6,11 @@ use wheelwright_core::effect::{Frame, Scene};
 use wheelwright_core::profile::Limits;
 use wheelwright_core::{RegressorModel, Stretch};
 
-/// Seconds at rest at the end of a drive.
+/// Length of a segment \[s\].
+const SEGMENT: f64 = 8.0;
+/// Time at rest at its end \[s\].
 const REST: f64 = 1.0;
-/// Longest and shortest piece \[s\].
+/// Shortest and longest piece \[s\].
 const PIECE: (f64, f64) = (0.5, 3.0);
 
 /// What may be commanded.
@@ -109,18 +111,18 @@ impl Wave {
     }
 }
 
-/// Pieces one after the other, then rest.
+/// Pieces one after the other.
 #[derive(Debug, Clone)]
-pub(super) struct Drive {
+pub(super) struct Segment {
     pieces: Vec<(f64, Vec<Wave>)>,
 }
 
-impl Drive {
-    pub(super) fn random(envelope: &Envelope, seconds: f64, random: &mut StdRng) -> Self {
-        let (mut pieces, mut left) = (Vec::new(), seconds - REST);
+impl Segment {
+    pub(super) fn random(envelope: &Envelope, random: &mut StdRng) -> Self {
+        let (mut pieces, mut left) = (Vec::new(), SEGMENT - REST);
         while left > PIECE.0 {
             let length = random.random_range(PIECE.0..PIECE.1).min(left);
-            pieces.push((length, envelope.largest.iter().map(|_| Wave::random(random)).collect()));
+            pieces.push((length, waves(envelope, random)));
             left -= length;
         }
         Self { pieces }
@@ -128,19 +130,25 @@ impl Drive {
 
     /// The same with one piece replaced.
     pub(super) fn varied(&self, envelope: &Envelope, random: &mut StdRng) -> Self {
-        let mut drive = self.clone();
-        if let Some(count) = std::num::NonZeroUsize::new(drive.pieces.len()) {
-            let which = random.random_range(0..count.get());
-            drive.pieces[which].1 = envelope.largest.iter().map(|_| Wave::random(random)).collect();
+        let mut segment = self.clone();
+        if let Some(count) = std::num::NonZeroUsize::new(segment.pieces.len()) {
+            segment.pieces[random.random_range(0..count.get())].1 = waves(envelope, random);
         }
-        drive
+        segment
     }
+}
 
-    /// Commands at the recording's rate, within the limits.
-    pub(super) fn rendered(&self, envelope: &Envelope) -> Stretch {
-        let period = envelope.period;
-        let mut inputs: Vec<Vec<f64>> = vec![Vec::new(); envelope.largest.len()];
-        for (length, waves) in &self.pieces {
+fn waves(envelope: &Envelope, random: &mut StdRng) -> Vec<Wave> {
+    envelope.largest.iter().map(|_| Wave::random(random)).collect()
+}
+
+/// Commands of a drive of segments with a rest after each, at the recording's rate and within the limits.
+pub(super) fn rendered<'d>(drive: impl IntoIterator<Item = &'d Segment>, envelope: &Envelope) -> Stretch {
+    let period = envelope.period;
+    let mut inputs: Vec<Vec<f64>> = vec![Vec::new(); envelope.largest.len()];
+    let rest = (REST / period).ceil() as usize;
+    for segment in drive {
+        for (length, waves) in &segment.pieces {
             let rows = (length / period).round() as usize;
             for k in 0..rows {
                 for ((series, wave), largest) in inputs.iter_mut().zip(waves).zip(&envelope.largest) {
@@ -148,11 +156,11 @@ impl Drive {
                 }
             }
         }
-        let rest = (REST / period).ceil() as usize + 1;
         inputs.iter_mut().for_each(|series| series.extend(std::iter::repeat_n(0.0, rest)));
-        envelope.clamp(&mut inputs);
-        let rows = inputs.first().map_or(0, Vec::len);
-        let time = (0..rows).map(|k| envelope.start + k as f64 * period).collect();
-        Stretch { label: "experiment".to_owned(), time, inputs, outputs: vec![vec![0.0; rows]; envelope.outputs] }
     }
+    inputs.iter_mut().for_each(|series| series.push(0.0));
+    envelope.clamp(&mut inputs);
+    let rows = inputs.first().map_or(0, Vec::len);
+    let time = (0..rows).map(|k| envelope.start + k as f64 * period).collect();
+    Stretch { label: "experiment".to_owned(), time, inputs, outputs: vec![vec![0.0; rows]; envelope.outputs] }
 }

@@ -8,10 +8,13 @@
 //! with W the noise's whitening and H_b what the first recording knows of b: T-optimality (Atkinson and Fedorov, Biometrika 62,
 //! 1975) with prior information. D is the expected gain in twice the log-likelihood if a is the truth. The design maximises
 //! Σ ln(1 + D) over all ordered pairs: a nested rival is separable in one direction only.
+//!
+//! The sums of which D is made add over segments that begin and end at rest, but for what outlives a rest. So a pool of short segments
+//! is simulated, the drive is put together from it one segment after the other, and simulated as a whole before it is proposed.
 
 mod drive;
 
-use nalgebra::{DMatrix, DVector};
+use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 use rand::SeedableRng;
 use rand::rngs::StdRng;
 use wheelwright_core::effect::{EffectSimulator, Frame, Scene};
@@ -22,18 +25,20 @@ use wheelwright_core::{Dataset, RegressorModel, Stretch};
 use crate::finding::Experiment;
 use crate::fit::Fitted;
 use crate::noise::Noise;
-use drive::{Drive, Envelope};
+use drive::{Envelope, Segment, rendered};
 
-/// Lengths tried \[s\], the shortest that decides is proposed.
-const LENGTHS: [f64; 5] = [8.0, 16.0, 32.0, 64.0, 128.0];
+/// Segments of the drives that are tried: the shortest that decides is proposed.
+const SEGMENTS: [usize; 5] = [1, 2, 4, 8, 16];
 /// Expected gain in twice the log-likelihood at which a pair counts as decided: odds of e^10 to one, with the scatter of the gain itself
 /// (its standard deviation is 2√D) to spare.
 const DECISIVE: f64 = 40.0;
-/// Random drives tried of each length, and improvements of the best one.
-const PROPOSALS: usize = 30;
-const REPLACEMENTS: usize = 30;
+/// Random segments in the pool, and variations of the best of them.
+const PROPOSALS: usize = 40;
+const VARIATIONS: usize = 20;
 /// Difference steps in standard errors of the parameter.
 const STEP: f64 = 0.1;
+/// Most steps between samples.
+const MOST_SUBSTEPS: usize = 4;
 
 /// The explanations that remain, and what is known besides.
 pub struct Rivals<'a> {
@@ -49,6 +54,8 @@ pub struct Rivals<'a> {
     pub scene: &'a Scene,
     /// Law of its noise.
     pub noise: &'a Noise,
+    /// Accuracy of a simulation that is worth its time, relative to the outputs' root mean square.
+    pub tolerance: f64,
     /// What the robot can or may do.
     pub limits: Limits,
     /// Seed of the search.
@@ -64,18 +71,42 @@ pub fn design(rivals: &Rivals<'_>) -> Result<Option<Experiment>, ModelError> {
         return Ok(None);
     }
     let envelope = Envelope::of(rivals.model, rivals.scene, &rivals.limits);
-    let mut random = StdRng::seed_from_u64(rivals.seed);
-    let mut best: Option<(f64, Drive, Vec<f64>)> = None;
-    for seconds in LENGTHS {
-        let found = search(rivals, &envelope, seconds, &mut random)?;
-        if let Some(found) = found.filter(|f| best.as_ref().is_none_or(|b| f.0 > b.0)) {
-            best = Some(found);
+    let pool = pool(rivals, &envelope)?;
+    let mut drive: Vec<&Segment> = Vec::new();
+    let mut known = Knowledge::none(rivals);
+    let mut best: Option<Design> = None;
+    for segments in SEGMENTS {
+        while drive.len() < segments {
+            let with = |own: &Knowledge| objective(&known.with(own).separations(rivals));
+            let Some((segment, own)) = pool.iter().max_by(|a, b| with(&a.1).total_cmp(&with(&b.1))) else { return Ok(None) };
+            known = known.with(own);
+            drive.push(segment);
         }
-        if best.as_ref().is_some_and(|(_, _, pairs)| decided(rivals.fits.len(), pairs)) {
+        let stretch = rendered(drive.iter().copied(), &envelope);
+        let Some(told) = told(rivals, &stretch)? else { continue };
+        let pairs = told.separations(rivals);
+        let value = objective(&pairs);
+        if best.as_ref().is_none_or(|b| value > b.value) {
+            best = Some(Design { value, stretch, pairs });
+        }
+        if best.as_ref().is_some_and(|b| decided(rivals.fits.len(), &b.pairs)) {
             break;
         }
     }
-    Ok(best.filter(|(value, ..)| *value > 0.0).map(|(_, drive, pairs)| experiment(rivals, &envelope, &drive, &pairs)))
+    Ok(best.filter(|b| b.value > 0.0).map(|b| experiment(rivals, &b)))
+}
+
+/// A drive, and what it is expected to tell.
+struct Design {
+    value: f64,
+    stretch: Stretch,
+    /// D of every ordered pair, row-major.
+    pairs: Vec<f64>,
+}
+
+/// What is maximised.
+fn objective(pairs: &[f64]) -> f64 {
+    pairs.iter().map(|d| d.max(0.0).ln_1p()).sum()
 }
 
 /// Whether every pair is told apart in one direction at least.
@@ -83,36 +114,87 @@ fn decided(n: usize, pairs: &[f64]) -> bool {
     (0..n).all(|a| (0..a).all(|b| pairs[a * n + b].max(pairs[b * n + a]) >= DECISIVE))
 }
 
-/// The best of random drives of one length, improved piece by piece: (objective, drive, D of every ordered pair).
-fn search(
-    rivals: &Rivals<'_>,
-    envelope: &Envelope,
-    seconds: f64,
-    random: &mut StdRng,
-) -> Result<Option<(f64, Drive, Vec<f64>)>, ModelError> {
-    let mut best: Option<(f64, Drive, Vec<f64>)> = None;
-    for trial in 0..PROPOSALS + REPLACEMENTS {
-        let drive = match &best {
-            Some((_, drive, _)) if trial >= PROPOSALS => drive.varied(envelope, random),
-            _ => Drive::random(envelope, seconds, random),
+/// Random segments and variations of the best, with what each tells.
+fn pool(rivals: &Rivals<'_>, envelope: &Envelope) -> Result<Vec<(Segment, Knowledge)>, ModelError> {
+    let mut random = StdRng::seed_from_u64(rivals.seed);
+    let mut pool: Vec<(Segment, Knowledge)> = Vec::with_capacity(PROPOSALS + VARIATIONS);
+    let mut best: Option<(f64, usize)> = None;
+    for trial in 0..PROPOSALS + VARIATIONS {
+        let segment = match best {
+            Some((_, i)) if trial >= PROPOSALS => pool[i].0.varied(envelope, &mut random),
+            _ => Segment::random(envelope, &mut random),
         };
-        let Some(pairs) = separations(rivals, &drive.rendered(envelope))? else { continue };
-        let value: f64 = pairs.iter().map(|d| d.max(0.0).ln_1p()).sum();
-        if best.as_ref().is_none_or(|b| value > b.0) {
-            best = Some((value, drive, pairs));
+        let Some(told) = told(rivals, &rendered([&segment], envelope))? else { continue };
+        let value = objective(&told.separations(rivals));
+        if best.is_none_or(|b| value > b.0) {
+            best = Some((value, pool.len()));
+        }
+        pool.push((segment, told));
+    }
+    Ok(pool)
+}
+
+/// What a drive tells of the rivals, as sums over its rows.
+struct Knowledge {
+    /// ‖W (y_a − y_b)‖² of every ordered pair, row-major.
+    squares: Vec<f64>,
+    /// J_bᵀ W (y_a − y_b) likewise.
+    gradients: Vec<DVector<f64>>,
+    /// J_bᵀ J_b of every rival.
+    curvatures: Vec<DMatrix<f64>>,
+}
+
+impl Knowledge {
+    fn none(rivals: &Rivals<'_>) -> Self {
+        let unknowns: Vec<usize> = rivals.fits.iter().map(|f| f.information.nrows()).collect();
+        Self {
+            squares: vec![0.0; unknowns.len() * unknowns.len()],
+            gradients: unknowns.iter().flat_map(|_| unknowns.iter().map(|n| DVector::zeros(*n))).collect(),
+            curvatures: unknowns.iter().map(|n| DMatrix::zeros(*n, *n)).collect(),
         }
     }
-    Ok(best)
+
+    fn of(predictions: &[Prediction]) -> Self {
+        let pairs = || predictions.iter().flat_map(|a| predictions.iter().map(move |b| (&a.response - &b.response, b)));
+        Self {
+            squares: pairs().map(|(difference, _)| difference.norm_squared()).collect(),
+            gradients: pairs().map(|(difference, b)| b.jacobian.tr_mul(&difference)).collect(),
+            curvatures: predictions.iter().map(|b| b.jacobian.tr_mul(&b.jacobian)).collect(),
+        }
+    }
+
+    /// What both drives tell together.
+    fn with(&self, other: &Self) -> Self {
+        Self {
+            squares: self.squares.iter().zip(&other.squares).map(|(a, b)| a + b).collect(),
+            gradients: self.gradients.iter().zip(&other.gradients).map(|(a, b)| a + b).collect(),
+            curvatures: self.curvatures.iter().zip(&other.curvatures).map(|(a, b)| a + b).collect(),
+        }
+    }
+
+    /// D(a → b) of every ordered pair, row-major.
+    fn separations(&self, rivals: &Rivals<'_>) -> Vec<f64> {
+        let n = self.curvatures.len();
+        let factors: Vec<_> = self.curvatures.iter().zip(&rivals.fits).map(|(own, fit)| determined(own + &fit.information)).collect();
+        let separation = |i: usize| match &factors[i % n] {
+            Some(factor) => (self.squares[i] - self.gradients[i].dot(&factor.solve(&self.gradients[i]))).max(0.0),
+            None => 0.0,
+        };
+        (0..n * n).map(separation).collect()
+    }
 }
 
-/// What a rival foresees of a drive, whitened: its response, and the derivatives of it with respect to its parameters.
-struct Prediction {
-    response: DVector<f64>,
-    jacobian: DMatrix<f64>,
+/// A curvature to divide by: a parameter of which neither recording knows anything stays where it is.
+fn determined(mut curvature: DMatrix<f64>) -> Option<Cholesky<f64, Dyn>> {
+    for i in 0..curvature.nrows() {
+        let entry = curvature[(i, i)];
+        curvature[(i, i)] = entry * (1.0 + 1e-9) + f64::MIN_POSITIVE;
+    }
+    curvature.cholesky()
 }
 
-/// D(a → b) for every ordered pair, row-major; `None` if a rival diverges.
-fn separations(rivals: &Rivals<'_>, stretch: &Stretch) -> Result<Option<Vec<f64>>, ModelError> {
+/// What a drive tells; `None` if a rival diverges on it.
+fn told(rivals: &Rivals<'_>, stretch: &Stretch) -> Result<Option<Knowledge>, ModelError> {
     let mut predictions = Vec::with_capacity(rivals.fits.len());
     for fit in &rivals.fits {
         match predict(rivals, fit, stretch) {
@@ -121,32 +203,13 @@ fn separations(rivals: &Rivals<'_>, stretch: &Stretch) -> Result<Option<Vec<f64>
             Err(other) => return Err(other),
         }
     }
-    let n = predictions.len();
-    let mut pairs = vec![0.0; n * n];
-    for (a, truth) in predictions.iter().enumerate() {
-        for (b, rival) in predictions.iter().enumerate() {
-            if a != b {
-                pairs[a * n + b] = separation(&(&truth.response - &rival.response), rival, &rivals.fits[b].information);
-            }
-        }
-    }
-    Ok(Some(pairs))
+    Ok(Some(Knowledge::of(&predictions)))
 }
 
-/// The part of a difference that moved parameters cannot take.
-fn separation(difference: &DVector<f64>, rival: &Prediction, information: &DMatrix<f64>) -> f64 {
-    let total = difference.norm_squared();
-    let gradient = rival.jacobian.tr_mul(difference);
-    let mut curvature = rival.jacobian.tr_mul(&rival.jacobian) + information;
-    // A parameter of which neither recording knows anything stays where it is.
-    for i in 0..curvature.nrows() {
-        let entry = curvature[(i, i)];
-        curvature[(i, i)] = entry * (1.0 + 1e-9) + f64::MIN_POSITIVE;
-    }
-    match curvature.cholesky() {
-        Some(factor) => (total - gradient.dot(&factor.solve(&gradient))).max(0.0),
-        None => 0.0,
-    }
+/// What a rival foresees of a drive, whitened: its response, and the derivatives of it with respect to its parameters.
+struct Prediction {
+    response: DVector<f64>,
+    jacobian: DMatrix<f64>,
 }
 
 fn predict(rivals: &Rivals<'_>, fit: &Fitted<'_>, stretch: &Stretch) -> Result<Prediction, ModelError> {
@@ -160,6 +223,7 @@ fn predict(rivals: &Rivals<'_>, fit: &Fitted<'_>, stretch: &Stretch) -> Result<P
     stretch.outputs = run;
     scene = scene_of(rivals, &stretch);
     let mut simulator = EffectSimulator::new(rivals.model, &fit.theta, &fit.effects, &scene)?;
+    simulator.set_accuracy(rivals.tolerance, MOST_SUBSTEPS);
     simulator.set_substeps(2);
     let mut whitened = |free: &[f64], values: &[f64]| -> Result<DVector<f64>, ModelError> {
         let theta = if free.is_empty() { fit.theta.clone() } else { rivals.map.theta(free) };
@@ -198,8 +262,8 @@ fn whiten(noise: &Noise, mut run: Vec<Vec<f64>>) -> DVector<f64> {
 }
 
 /// The design in the form that is told and written.
-fn experiment(rivals: &Rivals<'_>, envelope: &Envelope, drive: &Drive, pairs: &[f64]) -> Experiment {
-    let stretch = drive.rendered(envelope);
+fn experiment(rivals: &Rivals<'_>, design: &Design) -> Experiment {
+    let Design { stretch, pairs, .. } = design;
     let start = stretch.time[0];
     let n = rivals.fits.len();
     let separates = (0..n)
@@ -223,16 +287,19 @@ fn experiment(rivals: &Rivals<'_>, envelope: &Envelope, drive: &Drive, pairs: &[
         .zip(&stretch.inputs)
         .map(|(c, u)| format!("{} up to {:.2} {}", c.name, u.iter().fold(0.0_f64, |m, x| m.max(x.abs())), c.unit))
         .collect();
+    // Variants of an effect share its name.
+    let mut names: Vec<&str> = rivals.names.iter().map(String::as_str).collect();
+    names.dedup();
     let statement = format!(
         "drive {:.0} s{reversals}, {}: it tells {} apart; {sure}",
         stretch.time[stretch.len() - 1] - start,
         reach.join(", "),
-        rivals.names.join(" and "),
+        names.join(" and "),
     );
     Experiment {
         statement,
         time: stretch.time.iter().map(|t| t - start).collect(),
-        commands: rivals.model.inputs().iter().zip(stretch.inputs).map(|(c, u)| (c.name.to_string(), u)).collect(),
+        commands: rivals.model.inputs().iter().zip(&stretch.inputs).map(|(c, u)| (c.name.to_string(), u.clone())).collect(),
         separates,
     }
 }

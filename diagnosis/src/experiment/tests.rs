@@ -23,38 +23,42 @@ fn fitted<'a>(effect: &'a dyn Effect, value: f64, information: f64) -> Fitted<'a
     }
 }
 
-fn with_design<T>(limits: Limits, seed: u64, f: impl FnOnce(&dyn RegressorModel, &Scene, Experiment) -> T) -> T {
+fn with_rivals<T>(fits: Vec<&Fitted<'_>>, limits: Limits, seed: u64, f: impl FnOnce(&Rivals<'_>) -> T) -> T {
     let model = VwPdConfig::default().build().unwrap();
     let case = Case::clean(1);
     let noise = Noise::white(&case.noise, &crate::fit::layout::Layout::of(&case.data, &case.scene));
-    let (delay, lag) = (CommandDelay::default(), ActuatorLag::default());
-    let (a, b) = (fitted(&delay, 0.12, 1e4), fitted(&lag, 0.12, 1e4));
     let rivals = Rivals {
         model: &*model,
         map: &model.map(),
         names: vec!["command_delay".to_owned(), "actuator_lag".to_owned()],
-        fits: vec![&a, &b],
+        fits,
         scene: &case.scene,
         noise: &noise,
+        tolerance: 1e-4,
         limits,
         seed,
     };
-    let experiment = design(&rivals).unwrap().unwrap();
-    f(&*model, &case.scene, experiment)
+    f(&rivals)
+}
+
+fn with_design<T>(limits: Limits, seed: u64, f: impl FnOnce(&Scene, Experiment) -> T) -> T {
+    let (delay, lag) = (CommandDelay::default(), ActuatorLag::default());
+    let (a, b) = (fitted(&delay, 0.12, 1e4), fitted(&lag, 0.12, 1e4));
+    with_rivals(vec![&a, &b], limits, seed, |rivals| f(rivals.scene, design(rivals).unwrap().unwrap()))
 }
 
 #[test]
 fn a_delay_and_a_lag_are_told_apart_in_seconds_and_the_same_way_each_time() {
-    let first = with_design(Limits::default(), 3, |_, _, e| e);
+    let first = with_design(Limits::default(), 3, |_, e| e);
     assert!(first.separates[0].2 >= DECISIVE, "{:?}", first.separates);
     assert!(*first.time.last().unwrap() < 17.0 && first.statement.contains("enough to decide"), "{}", first.statement);
-    assert_eq!(first, with_design(Limits::default(), 3, |_, _, e| e));
+    assert_eq!(first, with_design(Limits::default(), 3, |_, e| e));
 }
 
 #[test]
 fn limits_are_kept_and_it_ends_at_rest() {
     let limits = Limits { v: Some(0.3), omega: Some(0.8), v_dot: Some(0.5), omega_dot: Some(2.0), wheel_speed: Some(4.0) };
-    with_design(limits, 1, |_, scene, experiment| {
+    with_design(limits, 1, |scene, experiment| {
         let (v, w) = (&experiment.commands[0].1, &experiment.commands[1].1);
         let period = scene.scales.period;
         for k in 0..v.len() {
@@ -69,10 +73,24 @@ fn limits_are_kept_and_it_ends_at_rest() {
 #[test]
 fn what_the_first_recording_settles_needs_no_experiment_of_the_same() {
     // D against a rival that may move freely is smaller than against one that is known.
-    let prediction = Prediction { response: DVector::zeros(4), jacobian: DMatrix::from_row_slice(4, 1, &[1.0, 1.0, 1.0, 1.0]) };
-    let difference = DVector::from_vec(vec![1.0, 1.0, 1.0, 0.0]);
-    let free = separation(&difference, &prediction, &DMatrix::from_element(1, 1, 0.0));
-    let known = separation(&difference, &prediction, &DMatrix::from_element(1, 1, 1e9));
+    let told = |rows: std::ops::Range<usize>| {
+        let rival = |response: [f64; 4]| Prediction {
+            response: DVector::from_column_slice(&response[rows.clone()]),
+            jacobian: DMatrix::from_element(rows.len(), 1, 1.0),
+        };
+        Knowledge::of(&[rival([1.0, 1.0, 1.0, 0.0]), rival([0.0; 4])])
+    };
+    let separation = |knowledge: &Knowledge, information: f64| {
+        let (delay, lag) = (CommandDelay::default(), ActuatorLag::default());
+        let known = |effect| Fitted { information: DMatrix::from_element(1, 1, information), ..fitted(effect, 0.1, 1.0) };
+        let (a, b) = (known(&delay), known(&lag));
+        with_rivals(vec![&a, &b], Limits::default(), 0, |rivals| knowledge.separations(rivals)[1])
+    };
+    let whole = told(0..4);
     // Least squares by hand: the mean 3/4 is taken off, 3 − 9/4 is left.
+    let (free, known) = (separation(&whole, 0.0), separation(&whole, 1e9));
     assert!((free - 0.75).abs() < 1e-8 && (known - 3.0).abs() < 1e-6, "{free} {known}");
+    // Two drives tell what one of both tells.
+    let added = separation(&told(0..2).with(&told(2..4)), 0.0);
+    assert!((added - free).abs() < 1e-12, "{added}");
 }
