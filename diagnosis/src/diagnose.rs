@@ -19,7 +19,7 @@ use crate::judge::judged;
 use crate::noise::Noise;
 use crate::question::{DiagnosisError, Question};
 use crate::screen::{Response, saturate};
-use crate::select::{COMPARING, FINAL, Search, State};
+use crate::select::{COMPARING, FINAL, Search, Selected, State};
 use crate::track;
 
 /// Fewest values a parameter that are needed for a noise model to mean anything.
@@ -109,7 +109,7 @@ fn other_readout<'a>(
         return Ok(story);
     }
     let rival = selected(surroundings(other, question)?, known)?;
-    Ok(if rival.evidence() > story.evidence() + DECISIVE { rival } else { story })
+    Ok(if rival.own_evidence() > story.own_evidence() + DECISIVE { rival } else { story })
 }
 
 /// Evidence for a story without its lateness under another reading: only where that does as well is there more to look for.
@@ -122,11 +122,15 @@ fn plainer<'a>(story: &Story<'a>, reading: &Setting<'a>, base: &Fit) -> Option<f
     let effects: Vec<usize> = (0..selected.state.effects.len()).filter(|i| kept(*i)).map(|i| selected.state.effects[i]).collect();
     let values = search.unknowns(&selected.state, &kept).skip(search.setting.free()).map(|j| selected.state.fit.point.x[j]);
     let point = Point { x: base.point.x.iter().copied().chain(values).collect(), starts: base.point.starts.clone() };
-    let noise = &selected.whitening.noise;
-    let (whitening, fit) = other.at(&effects, point, noise)?;
-    let noise = other.noise_of(&effects, &fit, &whitening)?;
-    let (whitening, fit) = other.under(&effects, &fit, &noise, COMPARING)?;
-    Some(evidence(&other, &State { effects, fit }, &whitening, base))
+    let (whitening, fit) = other.at(&effects, point, &selected.whitening.noise)?;
+    own_evidence(&other, effects, &fit, &whitening, base)
+}
+
+/// Evidence under the noise that a model leaves itself.
+fn own_evidence(search: &Search<'_>, effects: Vec<usize>, fit: &Fit, whitening: &Whitening, base: &Fit) -> Option<f64> {
+    let noise = search.noise_of(&effects, fit, whitening)?;
+    let (whitening, fit) = search.under(&effects, fit, &noise, COMPARING)?;
+    Some(evidence(search, &State { effects, fit }, &whitening, base))
 }
 
 /// Whether an effect makes what is recorded late.
@@ -319,5 +323,11 @@ impl Story<'_> {
 
     fn evidence(&self) -> f64 {
         evidence(&self.search, &self.selected.state, &self.selected.whitening, &self.selected.base)
+    }
+
+    /// The same under the noise that it leaves itself: where nothing was added the noise is that of all that effects could do.
+    fn own_evidence(&self) -> f64 {
+        let Selected { state, whitening, base, .. } = &self.selected;
+        own_evidence(&self.search, state.effects.clone(), &state.fit, whitening, base).unwrap_or(f64::NEG_INFINITY).max(self.evidence())
     }
 }
