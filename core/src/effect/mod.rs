@@ -212,6 +212,12 @@ pub trait Effect: Debug + Send + Sync {
         Vec::new()
     }
 
+    /// The same values where a part of the effect that goes round stood by `angle` \[rad\] further when the recording began: that is a matter
+    /// of a recording, not of the robot, and is fitted anew to every one. Parts are counted from 0; `None` if there is no such part.
+    fn turned(&self, _values: &[f64], _part: usize, _angle: f64) -> Option<Vec<f64>> {
+        None
+    }
+
     /// One plain sentence with magnitudes and units: "the left wheel's motor needs 0.31 V before it moves; the model had none".
     /// It names an interval where there is one.
     fn statement(&self, values: &[Estimate], scene: &Scene) -> String;

@@ -138,6 +138,19 @@ impl Effect for WheelEccentricity {
             .collect()
     }
 
+    fn turned(&self, values: &[f64], part: usize, angle: f64) -> Option<Vec<f64>> {
+        let wheels = self.wheels().count();
+        let pairs = if self.ripple == Ripple::Rolling { vec![part, wheels + part] } else { vec![part] };
+        let (sin, cos) = angle.sin_cos();
+        let mut turned = values.to_vec();
+        for pair in pairs {
+            // A cos(φ + angle) + B sin(φ + angle) in terms of cos φ and sin φ.
+            let (a, b) = (values.get(2 * pair)?, values.get(2 * pair + 1)?);
+            (turned[2 * pair], turned[2 * pair + 1]) = (a * cos + b * sin, b * cos - a * sin);
+        }
+        (part < wheels).then_some(turned)
+    }
+
     fn statement(&self, values: &[Estimate], _scene: &Scene) -> String {
         let said = self.wheels().zip(values.chunks_exact(2)).map(|(wheel, pair)| {
             let size = pair[0].value.hypot(pair[1].value);
