@@ -57,18 +57,23 @@ pub fn diagnose(question: &Question<'_>) -> Result<Diagnosis, DiagnosisError> {
     }
     let scene = |width: f64| Scene::new(&data, question.model, width, question.wheel_radius, headings.as_deref());
     let (ordinary, fitting) = (scene(question.track_width.unwrap_or(track::ORDINARY)), OnceCell::new());
-    let mut start = surroundings(setting(question, &data, &ordinary, Readout::Instantaneous), question)?;
+    let courses = [const { OnceCell::new() }; 3];
+    let mut start = surroundings(setting(question, &data, &ordinary, Readout::Instantaneous), question, &courses[0])?;
     if question.track_width.is_none() {
         let likeliest = track::likeliest(question, &start, headings.as_deref());
         warnings.push(unknown_track(likeliest));
         if let Some(width) = likeliest {
-            start = surroundings(setting(question, &data, fitting.get_or_init(|| scene(width)), Readout::Instantaneous), question)?;
+            start = surroundings(
+                setting(question, &data, fitting.get_or_init(|| scene(width)), Readout::Instantaneous),
+                question,
+                &courses[1],
+            )?;
         }
     }
     let scene = start.search.setting.scene;
     let Beside { radii, track } = Beside::of(question, scene);
     let story = selected(start, radii.as_ref())?;
-    let mut story = other_readout(story, question, &data, scene, radii.as_ref())?;
+    let mut story = other_readout(story, question, &data, scene, radii.as_ref(), &courses[2])?;
     story.selected = story.search.unjittered(story.selected, &story.responses);
     story.selected = judged(question, &story.search, story.selected, &story.responses);
     if story.search.setting.exhausted() {
@@ -94,6 +99,7 @@ fn other_readout<'a>(
     data: &'a Dataset,
     scene: &'a Scene,
     known: Option<&'a Known>,
+    course: &'a OnceCell<Scene>,
 ) -> Result<Story<'a>, DiagnosisError> {
     let none_late = !story.search.effects(&story.selected.state.effects).into_iter().any(late) || !story.barely_late();
     if none_late || story.search.setting.exhausted() {
@@ -108,7 +114,7 @@ fn other_readout<'a>(
     if plainer(&story, &other, &base).is_none_or(|plainer| plainer <= story.evidence()) {
         return Ok(story);
     }
-    let rival = selected(surroundings(other, question)?, known)?;
+    let rival = selected(surroundings(other, question, course)?, known)?;
     Ok(if rival.own_evidence() > story.own_evidence() + DECISIVE { rival } else { story })
 }
 
@@ -189,9 +195,14 @@ pub(crate) struct Surroundings<'a> {
     pub(crate) base: Fit,
 }
 
-/// Base fit, noise, and what every effect would change.
-pub(crate) fn surroundings<'a>(mut setting: Setting<'a>, question: &Question<'a>) -> Result<Surroundings<'a>, DiagnosisError> {
+/// Base fit, noise, and what every effect would change; `course` keeps the scene with the wheels' course as that fit and the record tell it.
+pub(crate) fn surroundings<'a>(
+    mut setting: Setting<'a>,
+    question: &Question<'a>,
+    course: &'a OnceCell<Scene>,
+) -> Result<Surroundings<'a>, DiagnosisError> {
     let rough = fit(&mut setting, question)?;
+    setting.scene = course.get_or_init(|| setting.scene.followed(setting.data, &setting.layout.series(&rough.simulated)));
     setting.tolerance = worthwhile_accuracy(&setting, &rough);
     setting.substeps = 1;
     setting.substeps = Runner::new(&setting, &[], &rough.point)?.substeps();

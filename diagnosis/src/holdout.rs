@@ -70,19 +70,22 @@ impl Ground<'_> {
     /// Simulates every stretch from its measured first sample. What goes round stands where these data say that it stood at their start.
     pub(crate) fn prove(&self, explanation: &Explanation<'_>) -> Proof {
         let given = self.run(explanation);
-        match self.begun(explanation, &given) {
-            Some(begun) => self.run(&begun),
+        if explanation.parts(self.scene).is_empty() {
+            return given;
+        }
+        let scene = self.scene.followed(self.data, &given.simulated);
+        let ground = Ground { scene: &scene, ..*self };
+        let given = ground.run(explanation);
+        match ground.begun(explanation, &given) {
+            Some(begun) => ground.run(&begun),
             None => given,
         }
     }
 
     /// An explanation with what goes round as these data show it: the ripple of every part and the same a quarter of a turn on are fitted to
-    /// what is left without them, and only their angle is kept. `None` if nothing goes round, or a run diverges.
+    /// what is left without them, and only their angle is kept. `None` if a run diverges.
     fn begun<'a>(&self, explanation: &Explanation<'a>, given: &Proof) -> Option<Explanation<'a>> {
         let parts = explanation.parts(self.scene);
-        if parts.is_empty() {
-            return None;
-        }
         let flat = |series: &Series| DVector::from_vec(series.iter().flatten().flatten().copied().collect());
         let given = flat(&given.simulated);
         let run = |part: &Part, angle: f64| Some(flat(&self.run(&explanation.turned(self.scene, part, angle)?).simulated));

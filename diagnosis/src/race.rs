@@ -170,11 +170,24 @@ impl<'a> Search<'a> {
             refined.push(Refined { effect, fit, score: gain - self.penalty(added) });
         }
         refined.sort_by(|a, b| b.score.total_cmp(&a.score));
+        let narrower: Vec<Option<&str>> = refined.iter().map(|r| self.narrower(r)).collect();
+        let names: Vec<&str> = refined.iter().map(|r| self.effect(r.effect).name()).collect();
+        // What is another of them under a wider name is none.
+        let mut wider = narrower.iter().map(|name| name.is_some_and(|name| names.contains(&name)));
+        refined.retain(|_| !wider.next().unwrap_or(false));
         // Among equals the library's order decides: the more common cause stands first.
         let best = refined.first().map_or(0.0, |r| r.score);
         let equals = refined.iter().take_while(|r| r.score > best - EXCHANGE).count();
         refined[..equals].sort_by_key(|r| r.effect);
         refined
+    }
+
+    /// The name of the effect that a candidate is where a part of it does nothing.
+    fn narrower(&self, candidate: &Refined) -> Option<&'static str> {
+        let effect = self.effect(candidate.effect);
+        let x = &candidate.fit.point.x;
+        let own = x.len() - effect.parameters(self.setting.scene).len();
+        effect.narrower(&x[own..], self.setting.scene)
     }
 
     /// How far from each other, in twice the log-likelihood as it is raced for, two effects may be of which either may come out first: by the

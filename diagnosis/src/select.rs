@@ -349,17 +349,9 @@ impl<'a> Search<'a> {
 
     /// The refined effects other than the one that was taken, as rivals of it.
     fn beside(&self, rest: &State, refined: &[Refined], taken: usize, score: f64) -> Vec<Rival> {
-        let others = refined.iter().filter(|r| r.effect != taken && !self.wider(taken, r));
+        let others = refined.iter().filter(|r| r.effect != taken);
         let joined = |r: &Refined| State { effects: rest.effects.iter().copied().chain([r.effect]).collect(), fit: r.fit.clone() };
         others.map(|r| Rival { effect: r.effect, state: joined(r), gap: score - r.score }).collect()
-    }
-
-    /// Whether a candidate is another effect under a wider name: a part of it does nothing.
-    fn wider(&self, than: usize, candidate: &Refined) -> bool {
-        let effect = self.effect(candidate.effect);
-        let x = &candidate.fit.point.x;
-        let own = x.len() - effect.parameters(self.setting.scene).len();
-        effect.narrower(&x[own..], self.setting.scene).is_some_and(|name| name == self.effect(than).name())
     }
 
     /// How many members are known and stay.

@@ -9,6 +9,7 @@
 //! input that it uses up: friction in m/s of command or in volts, whatever the model commands. One law therefore serves
 //! all models. [`Frame`] tells an effect how a model's channels are forward and angular velocity, and left and right wheel.
 
+mod course;
 mod frame;
 mod scene;
 mod simulation;

@@ -5,7 +5,7 @@ use crate::dataset::{Dataset, Stretch};
 use crate::model::RegressorModel;
 use crate::simulation::Readout;
 
-use super::Frame;
+use super::{Frame, course};
 
 /// Share of an output's root mean square below which it counts as none at the start of a stretch: noise of a few percent.
 const STANDING: f64 = 0.1;
@@ -32,7 +32,7 @@ pub struct Scales {
     pub period: f64,
 }
 
-/// The measured course of one stretch, for effects that act by place. From the record, not from the simulation: errors of
+/// The course of one stretch, for effects that act by place. From the record, not from the free run that they are part of: errors of
 /// phase would otherwise grow with time.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Track {
@@ -85,6 +85,26 @@ impl Scene {
         Self { tracks: self.tracks_of(data, headings), ..self.clone() }
     }
 
+    /// The same with the wheels' distances by the likeliest course that a model and the record tell together. `simulated` are the model's
+    /// outputs, one vector an output in each stretch.
+    #[must_use]
+    pub fn followed(&self, data: &Dataset, simulated: &[Vec<Vec<f64>>]) -> Self {
+        let mut scene = self.clone();
+        if !self.frame.has_wheels() {
+            return scene;
+        }
+        for ((track, stretch), model) in scene.tracks.iter_mut().zip(&data.stretches).zip(simulated) {
+            let speeds = |outputs: &[Vec<f64>], k: usize| self.frame.wheels(&[outputs[0][k], outputs[1][k]]);
+            for (side, distance) in track.distance.iter_mut().enumerate() {
+                let foreseen: Vec<f64> = (0..stretch.len()).map(|k| speeds(model, k)[side]).collect();
+                let misfit: Vec<f64> = (0..stretch.len()).map(|k| speeds(&stretch.outputs, k)[side] - foreseen[k]).collect();
+                let level = course::level(&misfit);
+                *distance = integral(&stretch.time, &|k| foreseen[k] + level[k]);
+            }
+        }
+        scene
+    }
+
     fn tracks_of(&self, data: &Dataset, headings: Option<&[Vec<f64>]>) -> Vec<Track> {
         data.stretches.iter().enumerate().map(|(s, stretch)| self.track(stretch, headings.and_then(|h| h.get(s)))).collect()
     }
@@ -101,23 +121,26 @@ impl Scene {
             return Track { from_rest, ..Track::default() };
         }
         let pair = |k: usize| [stretch.outputs[0][k], stretch.outputs[1][k]];
-        let integral = |of: &dyn Fn(usize) -> f64| {
-            let mut sum = 0.0;
-            (0..stretch.len())
-                .map(|k| {
-                    if k > 0 {
-                        sum += 0.5 * (of(k - 1) + of(k)) * (stretch.time[k] - stretch.time[k - 1]);
-                    }
-                    sum
-                })
-                .collect::<Vec<f64>>()
-        };
+        let integral = |of: &dyn Fn(usize) -> f64| integral(&stretch.time, of);
         Track {
             heading: heading.cloned().unwrap_or_else(|| integral(&|k| self.frame.body(&pair(k))[1])),
             distance: [0, 1].map(|side| integral(&|k| self.frame.wheels(&pair(k))[side])),
             from_rest,
         }
     }
+}
+
+/// Integral over the samples, from zero at the first.
+fn integral(time: &[f64], of: &dyn Fn(usize) -> f64) -> Vec<f64> {
+    let mut sum = 0.0;
+    (0..time.len())
+        .map(|k| {
+            if k > 0 {
+                sum += 0.5 * (of(k - 1) + of(k)) * (time[k] - time[k - 1]);
+            }
+            sum
+        })
+        .collect()
 }
 
 fn scales(data: &Dataset, frame: Frame) -> Scales {

@@ -13,6 +13,9 @@ use super::words::{KINK, quantity};
 /// Least speed over which friction falls, in widths of the smoothed sign: a narrower rise is the form of the kink.
 const NARROWEST: f64 = 5.0;
 
+/// Share by which a speed may differ from its least and is that.
+const LEAST: f64 = 1e-3;
+
 /// Stribeck friction.
 #[derive(Debug, Clone, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -65,8 +68,12 @@ impl Effect for StribeckFriction {
     }
 
     fn narrower(&self, values: &[f64], scene: &Scene) -> Option<&'static str> {
-        let mut rise = self.parameters(scene).into_iter().zip(values).filter(|(p, _)| p.name == "breakaway");
-        rise.all(|(p, x)| p.is_neutral(*x)).then_some("coulomb_friction")
+        let all = self.parameters(scene);
+        let of = |name: &'static str| all.iter().zip(values).filter(move |(p, _)| p.name == name);
+        let no_rise = of("breakaway").all(|(p, x)| p.is_neutral(*x));
+        // At its least speed a rise is the form of the kink, which no two models of dry friction share.
+        let kink = of("stribeck_speed").all(|(p, x)| *x <= p.bounds.0 * (1.0 + LEAST));
+        (no_rise || kink).then_some("coulomb_friction")
     }
 
     fn excitation(&self) -> &'static str {

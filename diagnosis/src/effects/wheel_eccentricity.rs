@@ -29,8 +29,8 @@ pub enum Ripple {
 ///
 /// The angle is that of the distance which the recording says the wheel has rolled, from zero at the start of each stretch: a
 /// simulated distance would drift out of phase within a few turns. The radius is a parameter, for over fifty turns the phase needs it
-/// to half a percent. Where a gap parts stretches, the wheel's angle behind it is not known, and one A and B serve them all: an
-/// eccentricity is found best in one long stretch.
+/// to half a percent, over more of them to less. Where a gap parts stretches, the wheel's angle behind it is not known, and one A and B
+/// serve them all: an eccentricity is found best in one long stretch.
 #[derive(Debug, Clone, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct WheelEccentricity {
@@ -51,6 +51,24 @@ impl WheelEccentricity {
 
 /// Most that a radius can differ from the robot's profile.
 const RADIUS: f64 = 0.1;
+/// Most that it is off in a start, and the step between starts.
+const OFF: f64 = 0.04;
+const STEP: f64 = 0.005;
+/// Angle by which a start's wheel may be off at the end of the longest stretch where the step alone would take it further \[rad\].
+const ASTRAY: f64 = 2.0;
+/// Most starts to either side.
+const MOST: f64 = 24.0;
+
+/// The wheels' radius as the profile has it \[m\].
+fn radius(scene: &Scene) -> f64 {
+    scene.wheel_radius.unwrap_or(1.0)
+}
+
+/// The longest way that a wheel goes from the start of a stretch \[m\].
+fn rolled(scene: &Scene) -> f64 {
+    let distances = scene.tracks.iter().flat_map(|t| &t.distance).flatten();
+    distances.fold(0.0, |most: f64, d| most.max(d.abs()))
+}
 
 #[typetag::serde(name = "wheel_eccentricity")]
 impl Effect for WheelEccentricity {
@@ -106,36 +124,26 @@ impl Effect for WheelEccentricity {
             all.extend(self.wheels().flat_map(|w| [weight("weight_cosine", w), weight("weight_sine", w)]));
             all.extend(force::turning_ratio(scene));
         }
-        let radius = scene.wheel_radius.unwrap_or(1.0);
+        let radius = radius(scene);
         all.push(EffectParameter::new("radius", "m", ((1.0 - RADIUS) * radius, (1.0 + RADIUS) * radius), 0.002 * radius));
         all
     }
 
     fn starts(&self, scene: &Scene) -> Vec<Start> {
         let all = self.parameters(scene);
-        let known = scene.wheel_radius.unwrap_or(1.0);
         let free: Vec<usize> = (0..all.len()).filter(|i| all[*i].neutral.is_some()).collect();
-        let at = |radius: f64| Start {
-            values: all
-                .iter()
-                .map(|p| {
-                    if p.neutral.is_some() {
-                        p.scale
-                    } else if p.name == "radius" {
-                        radius
-                    } else {
-                        1.0
-                    }
-                })
-                .collect(),
-            columns: free.iter().map(|i| vec![*i]).collect(),
-            linear: true,
+        let at = |off: f64| {
+            let value = |p: &EffectParameter| match p.name.as_str() {
+                "radius" => (1.0 + off) * radius(scene),
+                _ if p.neutral.is_some() => p.scale,
+                _ => 1.0,
+            };
+            Start { values: all.iter().map(value).collect(), columns: free.iter().map(|i| vec![*i]).collect(), linear: true }
         };
+        let step = STEP.min(ASTRAY * radius(scene) / rolled(scene)).max(OFF / MOST);
+        let steps = (OFF / step) as i32;
         // Nearest to the known radius first.
-        (0..17)
-            .map(|i: i32| if i % 2 == 0 { i / 2 } else { -(i + 1) / 2 })
-            .map(|step| at(known * (1.0 + 0.005 * f64::from(step))))
-            .collect()
+        (0..=2 * steps).map(|i| if i % 2 == 0 { i / 2 } else { -(i + 1) / 2 }).map(|i| at(step * f64::from(i))).collect()
     }
 
     fn turned(&self, values: &[f64], part: usize, angle: f64) -> Option<Vec<f64>> {

@@ -13,8 +13,8 @@ use super::layout::Layout;
 
 /// Difference of a base parameter for its column, as a share of its plausible size.
 const DIFFERENCE: f64 = 1e-3;
-/// Difference of an effect's parameter for its column, as a share of its scale or its value: large enough to average over the
-/// small jumps of an adaptive step.
+/// Difference of an effect's parameter for its column, as a share of its scale, or of its value where that is a size: large enough to average
+/// over the small jumps of an adaptive step.
 const EFFECT_DIFFERENCE: f64 = 1e-2;
 
 /// How much coarser than a fit that counts it is stepped what only has to be ranked.
@@ -237,7 +237,9 @@ impl<'s, 'a> Runner<'s, 'a> {
             return self.setting.steps[j];
         }
         let parameter = &self.parameters[j - free];
-        let step = EFFECT_DIFFERENCE * parameter.scale.abs().max(x[j].abs());
+        // A time or a place has no size that would say how finely it shows: its zero is anywhere.
+        let size = if parameter.neutral.is_some() { x[j].abs() } else { 0.0 };
+        let step = EFFECT_DIFFERENCE * parameter.scale.abs().max(size);
         if x[j] + step > parameter.bounds.1 { -step } else { step }
     }
 

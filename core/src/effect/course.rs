@@ -1,0 +1,103 @@
+//! How far wheels have come, from what was recorded and what a model foresees.
+//!
+//! The integral of a noisy speed walks away from the distance, and that of a simulated speed leaves it where the model is wrong. What the
+//! record differs by from the model is taken for a misfit that wanders and a noise that does not: a local level (Durbin and Koopman, Time
+//! Series Analysis by State Space Methods, section 2.1). The smoothed level is the misfit, and counts as motion; the noise does not. Means
+//! over pieces of the record are taken first: what returns with every turn of a wheel is neither, and takes it nowhere.
+
+/// Variances of the wander from mean to mean that are tried, as shares of that of their noise: from a level that stays to one that is the
+/// record itself.
+const WANDERS: [f64; 6] = [0.0, 1e-2, 1e-1, 1.0, 10.0, 100.0];
+
+/// Pieces of which means are taken.
+const PIECES: usize = 32;
+
+/// The likeliest level of a series: that of means over pieces, and evenly from the middle of one to that of the next.
+pub(super) fn level(series: &[f64]) -> Vec<f64> {
+    let piece = series.len().div_ceil(PIECES).max(1);
+    let means: Vec<f64> = series.chunks(piece).map(|c| c.iter().sum::<f64>() / c.len() as f64).collect();
+    let fits = WANDERS.iter().map(|wander| Filtered::of(&means, *wander));
+    let levels = fits.reduce(|a, b| if b.likelihood > a.likelihood { b } else { a }).map_or(Vec::new(), |f| f.smoothed());
+    let at = |k: usize| {
+        let place = ((k as f64 + 0.5) / piece as f64 - 0.5).clamp(0.0, levels.len() as f64 - 1.0);
+        let (before, share) = (place as usize, place.fract());
+        levels[before] + share * (levels[(before + 1).min(levels.len() - 1)] - levels[before])
+    };
+    (0..series.len()).map(at).collect()
+}
+
+/// A pass of the Kalman filter, with variances as shares of the noise's.
+struct Filtered {
+    wander: f64,
+    /// The level at each sample as the samples up to it tell it, and its variance.
+    level: Vec<(f64, f64)>,
+    /// Twice its logarithm, the noise's variance at its likeliest.
+    likelihood: f64,
+}
+
+impl Filtered {
+    /// From the first sample, of which nothing was known before.
+    fn of(series: &[f64], wander: f64) -> Self {
+        let mut level = Vec::with_capacity(series.len());
+        let (mut squares, mut logs) = (0.0, 0.0);
+        for y in series {
+            let Some((mean, variance)) = level.last().copied() else {
+                level.push((*y, 1.0));
+                continue;
+            };
+            let (before, total) = (variance + wander, variance + wander + 1.0);
+            let innovation: f64 = y - mean;
+            squares += innovation * innovation / total;
+            logs += f64::ln(total);
+            level.push((mean + before / total * innovation, before / total));
+        }
+        let count = level.len().saturating_sub(1) as f64;
+        Self { wander, level, likelihood: -count * (squares / count.max(1.0)).max(f64::MIN_POSITIVE).ln() - logs }
+    }
+
+    /// The level as all samples tell it.
+    fn smoothed(self) -> Vec<f64> {
+        let mut after = self.level.last().map_or(0.0, |l| l.0);
+        let mut smoothed: Vec<f64> = self
+            .level
+            .iter()
+            .rev()
+            .map(|(mean, variance)| {
+                after = mean + variance / (variance + self.wander) * (after - mean);
+                after
+            })
+            .collect();
+        smoothed.reverse();
+        smoothed
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::level;
+
+    /// Numbers of zero mean that look like noise.
+    fn noise(n: usize) -> Vec<f64> {
+        let mut x = 0.4_f64;
+        (0..n)
+            .map(|_| {
+                x = 3.99 * x * (1.0 - x);
+                x - 0.5
+            })
+            .collect()
+    }
+
+    #[test]
+    fn noise_has_one_level_and_a_slow_wave_is_followed() {
+        let noise = noise(2000);
+        let flat = level(&noise);
+        let mean = noise.iter().sum::<f64>() / noise.len() as f64;
+        assert!(flat.iter().all(|l| (l - mean).abs() < 0.05), "{:?}", &flat[..5]);
+        let wave = |k: usize| 2.0 * (k as f64 / 400.0).sin();
+        let turns = |k: usize| (k as f64 / 3.0).sin();
+        let series: Vec<f64> = noise.iter().enumerate().map(|(k, n)| n + wave(k) + turns(k)).collect();
+        let worst = level(&series).iter().enumerate().skip(63).map(|(k, l)| (l - mean - wave(k)).abs()).fold(0.0, f64::max);
+        assert!(worst < 0.25, "{worst}");
+        assert!(level(&[]).is_empty() && level(&[3.0]) == [3.0]);
+    }
+}
