@@ -7,8 +7,8 @@ use rand_distr::{Distribution, StandardNormal};
 use wheelwright_core::effect::{Effect, EffectSimulator, Scene};
 use wheelwright_core::{Dataset, ModelConfig, RegressorModel, Stretch};
 use wheelwright_diagnosis::effects::{
-    ActuatorLag, Axis, CommandDelay, CommandOffset, CoulombFriction, GainAsymmetry, LateralComOffset, QuadraticDrag, SlewLimit,
-    VelocitySaturation,
+    ActuatorLag, Axis, CommandDelay, CommandOffset, CoulombFriction, GainAsymmetry, LateralComOffset, QuadraticDrag, Ripple, SlewLimit,
+    VelocitySaturation, Wheel, WheelEccentricity,
 };
 use wheelwright_diagnosis::{Diagnosis, DiagnosisError, Question, Verdict, diagnose};
 use wheelwright_models::VwPdConfig;
@@ -60,6 +60,11 @@ fn record(seed: u64, rows: usize, reverses: bool, effects: &[(&dyn Effect, &[f64
 
 /// The same of a robot with another track width.
 fn record_on(track: f64, seed: u64, rows: usize, reverses: bool, effects: &[(&dyn Effect, &[f64])], colour: f64) -> Dataset {
+    record_with(NOISE, track, seed, rows, reverses, effects, colour)
+}
+
+/// The same with noise of this size.
+fn record_with(noise: f64, track: f64, seed: u64, rows: usize, reverses: bool, effects: &[(&dyn Effect, &[f64])], colour: f64) -> Dataset {
     let model = model();
     let mut random = StdRng::seed_from_u64(seed);
     let stretch = commands(&mut random, rows, reverses);
@@ -77,7 +82,7 @@ fn record_on(track: f64, seed: u64, rows: usize, reverses: bool, effects: &[(&dy
         for x in series.iter_mut() {
             let fresh: f64 = StandardNormal.sample(&mut random);
             e = colour * e + (1.0 - colour * colour).sqrt() * fresh;
-            *x += NOISE * [1.0, 2.0][i] * e;
+            *x += noise * [1.0, 2.0][i] * e;
         }
     }
     data.stretches[0].outputs = run;
@@ -271,4 +276,44 @@ fn a_search_that_had_its_share_ends_with_what_it_has_and_says_so() {
     let some = limited(1_000_000);
     assert!(ended(&some) && some.effects.len() < 2, "{}", some.headline);
     assert!(!ended(&limited(u64::MAX)));
+}
+
+/// What a right wheel that is off its axle makes of a record: its speed ripples with the angle that it has really turned.
+fn rippled(mut data: Dataset, amplitude: f64, radius: f64, standing: f64, noise: &Dataset) -> Dataset {
+    let (h, s) = (0.5 * TRACK, &mut data.stretches[0]);
+    let mut angle = standing;
+    for k in 0..s.time.len() {
+        let right = s.outputs[0][k] + h * s.outputs[1][k];
+        angle += right * 0.05 / radius;
+        let ripple = right * amplitude * angle.sin();
+        s.outputs[0][k] += 0.5 * ripple + noise.stretches[0].outputs[0][k];
+        s.outputs[1][k] += 0.5 * ripple / h + noise.stretches[0].outputs[1][k];
+    }
+    data
+}
+
+/// Nobody knows where the wheel stood when either recording began, nor its radius to the part in a thousand that so many turns show.
+#[test]
+fn an_eccentric_wheel_is_the_same_wherever_it_stood_at_first() {
+    let (amplitude, radius) = (0.05, 0.0803);
+    let recorded = |seed: u64, rows: usize, standing: f64| {
+        let mut quiet = record_with(0.0, TRACK, seed, rows, true, &[], 0.0);
+        let mut noise = record_with(NOISE, TRACK, seed, rows, true, &[], 0.0);
+        for (noisy, clean) in noise.stretches[0].outputs.iter_mut().zip(&mut quiet.stretches[0].outputs) {
+            noisy.iter_mut().zip(clean).for_each(|(n, c)| *n -= *c);
+        }
+        rippled(quiet, amplitude, radius, standing, &noise)
+    };
+    let (training, held) = (recorded(91, 3000, 0.4), recorded(92, 1200, 2.9));
+    let (model, mut library) = (model(), library());
+    let one = |wheel| WheelEccentricity { wheel: Some(wheel), ripple: Ripple::Reading };
+    library.extend([Wheel::Left, Wheel::Right].map(|wheel| Box::new(one(wheel)) as Box<dyn Effect>));
+    let mut question = Question::new(&*model, &training, &library);
+    (question.held_out, question.track_width, question.wheel_radius) = (Some(&held), Some(TRACK), Some(0.08));
+    let diagnosis = diagnose(&question).unwrap();
+    assert_eq!((diagnosis.verdict, names(&diagnosis)), (Verdict::Explained, vec!["wheel_eccentricity"]), "{}", diagnosis.headline);
+    let [cosine, sine, found] = [0, 1, 2].map(|i| diagnosis.effects[0].parameters[i].value);
+    assert!((found / radius - 1.0).abs() < 5e-4 && (cosine.hypot(sine) / amplitude - 1.0).abs() < 0.1, "{found} {cosine} {sine}");
+    let (after, ceiling) = (&diagnosis.fit.after, diagnosis.fit.noise_ceiling.as_ref().unwrap());
+    assert!(after.iter().zip(ceiling).all(|(a, c)| c - a < 0.3), "{:?}", diagnosis.fit);
 }
