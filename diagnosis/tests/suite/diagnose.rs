@@ -7,8 +7,8 @@ use rand_distr::{Distribution, StandardNormal};
 use wheelwright_core::effect::{Effect, EffectSimulator, Scene};
 use wheelwright_core::{Dataset, ModelConfig, RegressorModel, Stretch};
 use wheelwright_diagnosis::effects::{
-    ActuatorLag, Axis, CommandDelay, CommandOffset, CoulombFriction, GainAsymmetry, LateralComOffset, QuadraticDrag, Ripple, SlewLimit,
-    VelocitySaturation, Wheel, WheelEccentricity,
+    ActuatorLag, Axis, CommandDelay, CommandOffset, CoulombFriction, GainAsymmetry, LateralComOffset, PayloadChange, QuadraticDrag, Ripple,
+    SlewLimit, StribeckFriction, VelocitySaturation, Wheel, WheelEccentricity,
 };
 use wheelwright_diagnosis::{Diagnosis, DiagnosisError, Question, Verdict, diagnose};
 use wheelwright_models::VwPdConfig;
@@ -316,4 +316,40 @@ fn an_eccentric_wheel_is_the_same_wherever_it_stood_at_first() {
     assert!((found / radius - 1.0).abs() < 5e-4 && (cosine.hypot(sine) / amplitude - 1.0).abs() < 0.1, "{found} {cosine} {sine}");
     let (after, ceiling) = (&diagnosis.fit.after, diagnosis.fit.noise_ceiling.as_ref().unwrap());
     assert!(after.iter().zip(ceiling).all(|(a, c)| c - a < 0.3), "{:?}", diagnosis.fit);
+}
+
+/// Where the clock has its zero says nothing about how finely a time shows.
+#[test]
+fn a_time_of_change_is_found_on_any_clock() {
+    let change = PayloadChange::default();
+    let hidden: [(&dyn Effect, &[f64]); 1] = [(&change, &[47.3, 0.4, 0.3, 0.0])];
+    let mut training = record(95, 1600, true, &hidden, 0.0);
+    let (model, mut library) = (model(), library());
+    library.push(Box::new(PayloadChange::default()));
+    for since in [0.0, 1e6] {
+        training.stretches[0].time.iter_mut().for_each(|t| *t += since);
+        let mut question = Question::new(&*model, &training, &library);
+        question.track_width = Some(TRACK);
+        let diagnosis = diagnose(&question).unwrap();
+        assert_eq!(names(&diagnosis), ["payload_change"], "{}", diagnosis.headline);
+        let time = &diagnosis.effects[0].parameters[0];
+        let (low, high) = time.ci95.unwrap();
+        assert!((time.value - since - 47.3).abs() < 0.3 && high - low < 1.0, "{time:?}");
+    }
+}
+
+/// How dry friction turns over between creeping forwards and backwards is a matter of the model of it; a rise over a wider range is physics.
+#[test]
+fn a_rise_of_friction_as_narrow_as_its_kink_is_none() {
+    let stribeck = StribeckFriction {};
+    for (rise, speed, name) in [(0.06, 0.006, "coulomb_friction"), (0.03, 0.06, "stribeck_friction")] {
+        let hidden: [(&dyn Effect, &[f64]); 1] = [(&stribeck, &[0.04, rise, speed, 1.0])];
+        let training = record(97, 1600, true, &hidden, 0.0);
+        let (model, mut library) = (model(), library());
+        library.push(Box::new(StribeckFriction {}));
+        let mut question = Question::new(&*model, &training, &library);
+        question.track_width = Some(TRACK);
+        let diagnosis = diagnose(&question).unwrap();
+        assert_eq!(names(&diagnosis), [name], "{}", diagnosis.headline);
+    }
 }
