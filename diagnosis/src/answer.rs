@@ -43,6 +43,8 @@ pub(crate) struct Story<'a> {
     pub(crate) responses: Vec<Response>,
     /// Twice the log-likelihood of the rough base fit under white noise.
     pub(crate) first: f64,
+    /// Evidence for reading the outputs as means over the interval, where they are read so.
+    pub(crate) means: Option<f64>,
 }
 
 /// Writes the answer.
@@ -62,6 +64,7 @@ pub(crate) fn tell(
     if !findings.is_empty() {
         flags.extend(following(setting, noise, &selected.base));
     }
+    flags.extend(story.means.map(means));
     let base_state = State { effects: Vec::new(), fit: selected.base.clone() };
     let screened = search.screen(&base_state, &selected.whitening, responses);
     let untestable = untestable::list(search, &screened, responses, &selected.state);
@@ -134,6 +137,13 @@ fn next_experiment(
         seed: question.seed,
     };
     Ok(design(&rivals)?)
+}
+
+/// Outputs that are means over the interval are those of an encoder, whether or not its counts show.
+fn means(evidence: f64) -> Flag {
+    let statement = "speeds are recorded as means over the sampling interval".to_owned();
+    let effect = Some(("encoder_quantisation".to_owned(), vec![0.0]));
+    Flag { test: "means over the interval", value: evidence, threshold: 0.0, left_over: None, statement, effect }
 }
 
 /// What a finding's values say that its effect does not explain: all of it is left over.

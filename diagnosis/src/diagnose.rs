@@ -115,7 +115,8 @@ fn other_readout<'a>(
         return Ok(story);
     }
     let rival = selected(surroundings(other, question, course)?, known)?;
-    Ok(if rival.own_evidence() > story.own_evidence() + DECISIVE { rival } else { story })
+    let better = rival.own_evidence() - story.own_evidence();
+    Ok(if better > DECISIVE { Story { means: Some(better), ..rival } } else { story })
 }
 
 /// Evidence for a story without its lateness under another reading: only where that does as well is there more to look for.
@@ -221,7 +222,7 @@ fn selected<'a>(start: Surroundings<'a>, known: Option<&'a Known>) -> Result<Sto
     let search = Search { known, ..search };
     let known = with_known(&search, &base, &whitening);
     let selected = search.run(State { effects: Vec::new(), fit: base }, known, whitening, &responses)?;
-    Ok(Story { search, selected, responses, first })
+    Ok(Story { search, selected, responses, first, means: None })
 }
 
 /// The base model with the effect that is known from beside, fitted within what is known of it.

@@ -25,6 +25,7 @@ pub mod residuals;
 mod screen;
 mod select;
 mod track;
+mod turns;
 mod untestable;
 
 pub use diagnose::diagnose;

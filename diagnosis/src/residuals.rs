@@ -54,7 +54,7 @@ impl Residuals<'_> {
 #[derive(Debug, Clone, PartialEq)]
 pub struct Flag {
     /// Which test: `input-driven structure`, `bursts`, `memory of the rest`, `wheel-order line`, `variance against acceleration`,
-    /// `value lattice`.
+    /// `value lattice`, `counts of the wheels`, `means over the interval`.
     pub test: &'static str,
     /// Its statistic.
     pub value: f64,

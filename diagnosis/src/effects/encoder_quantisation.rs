@@ -51,6 +51,11 @@ impl Effect for EncoderQuantisation {
     }
 
     fn statement(&self, values: &[Estimate], scene: &Scene) -> String {
+        if values[0].value == 0.0 {
+            return "recorded speeds are means over the sampling interval, as differences of encoder counts are, and half a sample late, with counts too fine \
+                    to show; the model measured at an instant"
+                .to_owned();
+        }
         let step = super::words::scaled(values[0], |q| q / scene.scales.period);
         format!(
             "wheel speeds are differences of encoder counts of {} of travel each: they come in steps of {} and half a sample late; the model measured exactly",

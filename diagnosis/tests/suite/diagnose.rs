@@ -5,10 +5,11 @@ use rand::rngs::StdRng;
 use rand::{Rng, SeedableRng};
 use rand_distr::{Distribution, StandardNormal};
 use wheelwright_core::effect::{Effect, EffectSimulator, Scene};
+use wheelwright_core::simulation::Readout;
 use wheelwright_core::{Dataset, ModelConfig, RegressorModel, Stretch};
 use wheelwright_diagnosis::effects::{
-    ActuatorLag, Axis, CommandDelay, CommandOffset, CoulombFriction, GainAsymmetry, LateralComOffset, PayloadChange, QuadraticDrag, Ripple,
-    SlewLimit, StribeckFriction, VelocitySaturation, Wheel, WheelEccentricity,
+    ActuatorLag, Axis, CommandDelay, CommandOffset, CoulombFriction, EncoderQuantisation, GainAsymmetry, LateralComOffset, PayloadChange,
+    QuadraticDrag, Ripple, SlewLimit, StribeckFriction, VelocitySaturation, Wheel, WheelEccentricity,
 };
 use wheelwright_diagnosis::{Diagnosis, DiagnosisError, Question, Verdict, diagnose};
 use wheelwright_models::VwPdConfig;
@@ -352,4 +353,29 @@ fn a_rise_of_friction_as_narrow_as_its_kink_is_none() {
         let diagnosis = diagnose(&question).unwrap();
         assert_eq!(names(&diagnosis), [name], "{}", diagnosis.headline);
     }
+}
+
+/// Means over the interval are late by half of it, and no delay: an encoder's, even where its counts are too fine to show.
+#[test]
+fn speeds_that_are_means_are_told_as_an_encoders() {
+    let (model, mut library) = (model(), library());
+    library.push(Box::new(EncoderQuantisation::default()));
+    let mut training = record(99, 1600, true, &[], 0.0);
+    let noise: Vec<Vec<f64>> = {
+        let clean = record_with(0.0, TRACK, 99, 1600, true, &[], 0.0);
+        let pairs = training.stretches[0].outputs.iter().zip(&clean.stretches[0].outputs);
+        pairs.map(|(noisy, clean)| noisy.iter().zip(clean).map(|(n, c)| n - c).collect()).collect()
+    };
+    let scene = Scene::new(&training, &*model, TRACK, None, None);
+    let mut simulator = EffectSimulator::new(&*model, &THETA, &[], &scene).unwrap().with_readout(Readout::IntervalMean);
+    simulator.set_substeps(4);
+    let mut run = vec![Vec::new(); 2];
+    simulator.run(0, &training.stretches[0], &[0.0, 0.0], &mut run).unwrap();
+    run.iter_mut().zip(&noise).for_each(|(run, noise)| run.iter_mut().zip(noise).for_each(|(x, n)| *x += n));
+    training.stretches[0].outputs = run;
+    let mut question = Question::new(&*model, &training, &library);
+    question.track_width = Some(TRACK);
+    let diagnosis = diagnose(&question).unwrap();
+    assert_eq!((diagnosis.verdict, names(&diagnosis)), (Verdict::Explained, vec!["encoder_quantisation"]), "{}", diagnosis.headline);
+    assert!(diagnosis.headline.contains("means over the sampling interval"), "{}", diagnosis.headline);
 }

@@ -1,0 +1,77 @@
+//! What goes round: where it stood when a recording began is a matter of that recording, as its first sample is.
+
+use nalgebra::{DMatrix, DVector};
+use wheelwright_core::effect::Scene;
+
+use crate::holdout::{Explanation, Ground, Proof};
+use crate::residuals::Series;
+
+/// A part of an effect that goes round.
+pub(crate) struct Part {
+    /// Which of an explanation's effects, and where its values begin.
+    effect: usize,
+    at: usize,
+    /// Which of its parts.
+    part: usize,
+}
+
+impl Explanation<'_> {
+    /// What goes round.
+    pub(crate) fn parts(&self, scene: &Scene) -> Vec<Part> {
+        let (mut parts, mut at) = (Vec::new(), 0);
+        for (effect, own) in self.effects.iter().enumerate() {
+            let count = own.parameters(scene).len();
+            let values = &self.values[at..at + count];
+            parts.extend((0..).take_while(|part| own.turned(values, *part, 0.0).is_some()).map(|part| Part { effect, at, part }));
+            at += count;
+        }
+        parts
+    }
+
+    /// The same with a part that stood further when the recording began.
+    fn turned(&self, scene: &Scene, part: &Part, angle: f64) -> Option<Self> {
+        let effect = self.effects[part.effect];
+        let range = part.at..part.at + effect.parameters(scene).len();
+        let turned = effect.turned(&self.values[range.clone()], part.part, angle)?;
+        let mut values = self.values.clone();
+        values.splice(range, turned);
+        Some(Self { values, ..self.clone() })
+    }
+}
+
+impl Ground<'_> {
+    /// An explanation with what goes round as these data show it: the ripple of every part and the same a quarter of a turn on are fitted to
+    /// what is left without them, and only their angle is kept. `None` where they cannot tell it.
+    pub(crate) fn begun<'a>(&self, explanation: &Explanation<'a>, given: &Proof) -> Option<Explanation<'a>> {
+        let parts = explanation.parts(self.scene);
+        let flat = |series: &Series| DVector::from_vec(series.iter().flatten().flatten().copied().collect());
+        let given = flat(&given.simulated);
+        let run = |part: &Part, angle: f64| Some(flat(&self.run(&explanation.turned(self.scene, part, angle)?).simulated));
+        let mut left = DVector::from_vec(self.data.stretches.iter().flat_map(|s| s.outputs.iter().flatten().copied()).collect()) - &given;
+        let mut ripples = DMatrix::zeros(left.len(), 2 * parts.len());
+        for (i, part) in parts.iter().enumerate() {
+            let (half, quarter) = (run(part, std::f64::consts::PI)?, run(part, std::f64::consts::FRAC_PI_2)?);
+            let (mean, ripple) = ((&given + &half) / 2.0, (&given - &half) / 2.0);
+            left += &ripple;
+            ripples.set_column(2 * i, &ripple);
+            ripples.set_column(2 * i + 1, &(quarter - mean));
+        }
+        // Outputs count by their size, as in the fit.
+        let weights = self.weights();
+        left.component_mul_assign(&weights);
+        ripples.column_iter_mut().for_each(|mut c| c.component_mul_assign(&weights));
+        let shares = ripples.tr_mul(&ripples).cholesky()?.solve(&ripples.tr_mul(&left));
+        let mut begun = explanation.clone();
+        for (i, part) in parts.iter().enumerate() {
+            begun = begun.turned(self.scene, part, shares[2 * i + 1].atan2(shares[2 * i]))?;
+        }
+        Some(begun)
+    }
+
+    /// One over the root mean square of each value's output.
+    fn weights(&self) -> DVector<f64> {
+        let of = |c: usize| 1.0 / self.scene.scales.outputs[c];
+        let rows = self.data.stretches.iter().flat_map(|s| s.outputs.iter().enumerate());
+        DVector::from_vec(rows.flat_map(|(c, series)| std::iter::repeat_n(of(c), series.len())).collect())
+    }
+}
