@@ -2,15 +2,19 @@
 //!
 //! Where no wheel reverses, friction, an offset and a dead zone are one; another kind of driving tells them apart without any parameter
 //! being fitted to it. Only rivals that the evidence leaves within reach are judged, as near as laws are exact, and only a decisive
-//! difference counts: parameters that the training data hardly show make errors of their own on other data.
+//! difference counts, one that remains when either has its parameters where the held-out data would have them, as far as the training data
+//! let them go (`leeway.rs`).
 //!
 //! An effect beside others goes if they do decisively better on the held-out data without it, whatever its evidence on the training data: it
 //! stood in for the imperfect form of the others there.
 
 use wheelwright_core::Dataset;
+use wheelwright_core::effect::Scene;
 
 use crate::answer::{MENTIONED, always, explanation};
 use crate::holdout::{Ground, loss, shifted};
+use crate::leeway::{Moved, moved};
+use crate::noise::Noise;
 use crate::question::Question;
 use crate::screen::Response;
 use crate::select::{FINAL, SHARE, Search, Selected, State};
@@ -37,7 +41,7 @@ fn exchanged(bench: &Bench<'_>, search: &Search<'_>, mut selected: Selected) -> 
     if !selected.rivals.iter().flatten().any(|r| r.gap < reach) {
         return selected;
     }
-    let mut own = bench.loss(search, &selected.state);
+    let mut own = bench.with_leeway(search, &selected.state);
     let mut member = 0;
     let mut turns = selected.state.effects.len();
     while member < selected.rivals.len() && turns > 0 {
@@ -47,10 +51,10 @@ fn exchanged(bench: &Bench<'_>, search: &Search<'_>, mut selected: Selected) -> 
         // The same mathematics under every drive differs by what nobody recorded before the first sample.
         let (same, mut rivals): (Vec<_>, Vec<_>) = rivals.into_iter().partition(|r| always(found, search.effect(r.effect)).is_some());
         // What the training data hold for worse has to be better on other data as it stands.
-        rivals.retain(|r| r.gap < MENTIONED || (r.gap < reach && bench.decisive(bench.loss(search, &r.state), own)));
+        rivals.retain(|r| r.gap < MENTIONED || (r.gap < reach && bench.better(search, &r.state, &selected.state)));
         // A rival was only fitted well enough to be ranked: what is left to its end counts on other data as much as a cause does.
         rivals.iter_mut().for_each(|r| ended(search, &selected, &mut r.state));
-        let mut near: Vec<(f64, _)> = rivals.into_iter().map(|r| (bench.loss(search, &r.state), r)).collect();
+        let mut near: Vec<(f64, _)> = rivals.into_iter().map(|r| (bench.with_leeway(search, &r.state), r)).collect();
         let least = near.iter().map(|(loss, _)| *loss).fold(f64::INFINITY, f64::min);
         // Among those that the held-out data hold for equal the library's order decides, as it does on the training data.
         let equals = (0..near.len()).filter(|i| !bench.decisive(least, near[*i].0));
@@ -64,7 +68,7 @@ fn exchanged(bench: &Bench<'_>, search: &Search<'_>, mut selected: Selected) -> 
             selected.rivals.push(Vec::new());
             member = selected.rivals.len() - 1;
         }
-        let open = near.into_iter().filter(|(rival, r)| r.gap < MENTIONED && !bench.decisive(own, *rival)).map(|(_, r)| r);
+        let open = near.into_iter().filter(|(loss, r)| r.gap < MENTIONED && !bench.decisive(own, *loss)).map(|(_, r)| r);
         selected.rivals[member] = if better { open.collect() } else { open.chain(same).collect() };
         member = if better { 0 } else { member + 1 };
     }
@@ -82,7 +86,7 @@ fn ended(search: &Search<'_>, selected: &Selected, state: &mut State) {
 struct Bench<'q> {
     question: &'q Question<'q>,
     held: &'q Dataset,
-    noise: Vec<f64>,
+    noise: Noise,
     /// Loss of the selection on the training data.
     training: f64,
     /// Independent values of the held-out data: those that the noise's own past does not foretell.
@@ -95,18 +99,34 @@ impl<'q> Bench<'q> {
         let noise = &selected.whitening.noise;
         let share = noise.innovation.iter().zip(&noise.deviation).map(|(i, d)| (i / d).powi(2)).sum::<f64>();
         let training = loss(search.setting.data, &search.setting.layout.series(&selected.state.fit.simulated), &noise.deviation);
-        Some(Self { question, held, noise: noise.deviation.clone(), training, values: share * held.samples() as f64 })
+        Some(Self { question, held, noise: noise.clone(), training, values: share * held.samples() as f64 })
     }
 
     /// Mean loss on the held-out data, on the likeliest clock.
     fn loss(&self, search: &Search<'_>, state: &State) -> f64 {
+        let explanation = explanation(search, state);
+        self.likeliest(search, |data, scene| {
+            let ground = Ground { model: search.setting.model, data, scene, readout: search.setting.readout };
+            loss(data, &ground.prove(&explanation).simulated, &self.noise.deviation)
+        })
+    }
+
+    /// The same with the leeway that the training data leave, and what it costs there.
+    fn with_leeway(&self, search: &Search<'_>, state: &State) -> f64 {
+        let moved = self.likeliest(search, |data, scene| match moved(search, state, data, scene, &self.noise) {
+            Some(Moved { simulated, cost }) => loss(data, &simulated, &self.noise.deviation) * (cost / self.values).exp(),
+            None => f64::INFINITY,
+        });
+        moved.min(self.loss(search, state))
+    }
+
+    /// The least of a loss on every clock that the held-out data may have.
+    fn likeliest(&self, search: &Search<'_>, loss: impl Fn(&Dataset, &Scene) -> f64) -> f64 {
         let headings = self.question.held_out_headings.as_deref();
         let clocks = crate::answer::clocks(self.question.training, self.held);
         let on = |by: &f64| {
             let moved = shifted(self.held, *by);
-            let scene = search.setting.scene.like(&moved, headings);
-            let ground = Ground { model: search.setting.model, data: &moved, scene: &scene, readout: search.setting.readout };
-            loss(&moved, &ground.prove(&explanation(search, state)).simulated, &self.noise)
+            loss(&moved, &search.setting.scene.like(&moved, headings))
         };
         clocks.iter().map(on).fold(f64::INFINITY, f64::min)
     }
@@ -118,16 +138,17 @@ impl<'q> Bench<'q> {
         if selected.state.effects.len() < 2 {
             return None;
         }
-        let own = self.loss(search, &selected.state);
         let rests = members.filter_map(|member| search.without(selected, member)).map(|rest| (self.loss(search, &rest), rest));
-        let (less, rest) = rests.reduce(|a, b| if b.0 < a.0 { b } else { a })?;
-        if !self.decisive(less, own) {
-            return None;
-        }
-        search.only(selected, &rest)
+        let (_, rest) = rests.reduce(|a, b| if b.0 < a.0 { b } else { a })?;
+        self.better(search, &rest, &selected.state).then(|| search.only(selected, &rest)).flatten()
     }
 
-    /// Whether a loss is so much less than another that it is no chance and no error of parameters.
+    /// Whether a state does decisively better than another, as they were fitted and with leeway.
+    fn better(&self, search: &Search<'_>, less: &State, more: &State) -> bool {
+        [Self::loss, Self::with_leeway].iter().all(|loss| self.decisive(loss(self, search, less), loss(self, search, more)))
+    }
+
+    /// Whether a loss is so much less than another that it is no chance.
     fn decisive(&self, less: f64, more: f64) -> bool {
         let excess = |loss: f64| (loss - self.training).max(0.0);
         self.values * (more / less).ln() > MENTIONED && excess(less) <= CLOSED * excess(more)

@@ -17,6 +17,8 @@ pub mod fit;
 mod fixture;
 mod holdout;
 mod judge;
+mod leeway;
+
 pub mod locate;
 pub mod noise;
 mod question;

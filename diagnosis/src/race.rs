@@ -3,6 +3,7 @@
 
 use wheelwright_core::effect::{Stage, Start};
 
+use crate::answer::always;
 use crate::fit::search::{Effort, Fit, OPTIMISM, OUT_OF_REACH, evaluate, linearise, maximise};
 use crate::fit::setting::{COARSE_ERROR, Point, Runner};
 use crate::fit::whitening::Whitening;
@@ -32,6 +33,8 @@ const PROMISING: f64 = 0.5;
 const BEHIND: f64 = 0.25;
 /// Refinement of a candidate: enough to rank it.
 const RANKING: Effort = Effort { trials: 14, worthwhile: 0.5, target: f64::NEG_INFINITY };
+/// Degrees of freedom by which the data tell a law from one that it contains.
+const SEEN: f64 = 0.5;
 /// How often a detour may lead on.
 const DETOURS: usize = 4;
 
@@ -40,7 +43,9 @@ const DETOURS: usize = 4;
 pub(crate) struct Refined {
     pub(crate) effect: usize,
     pub(crate) fit: Fit,
-    /// Penalised gain over the model it was added to.
+    /// Degrees of freedom that it adds to the model.
+    pub(crate) freedom: f64,
+    /// Penalised gain over that model.
     pub(crate) score: f64,
 }
 
@@ -166,20 +171,37 @@ impl<'a> Search<'a> {
             let fit = maximise(&self.setting, &mut runner, whitening, fit, effort, false);
             let fit = self.detour(effect, &mut runner, whitening, fit, effort);
             let gain = fit.likelihood(&self.setting) - before;
-            let added = self.freedom(&indices, &fit) - freedom;
-            refined.push(Refined { effect, fit, score: gain - self.penalty(added) });
+            let freedom = self.freedom(&indices, &fit) - freedom;
+            refined.push(Refined { effect, fit, freedom, score: gain - self.penalty(freedom) });
         }
+        let mut refined = self.distinct(&refined, &refined, field.explained - before);
         refined.sort_by(|a, b| b.score.total_cmp(&a.score));
-        let narrower: Vec<Option<&str>> = refined.iter().map(|r| self.narrower(r)).collect();
-        let names: Vec<&str> = refined.iter().map(|r| self.effect(r.effect).name()).collect();
-        // What is another of them under a wider name is none.
-        let mut wider = narrower.iter().map(|name| name.is_some_and(|name| names.contains(&name)));
-        refined.retain(|_| !wider.next().unwrap_or(false));
         // Among equals the library's order decides: the more common cause stands first.
         let best = refined.first().map_or(0.0, |r| r.score);
         let equals = refined.iter().take_while(|r| r.score > best - EXCHANGE).count();
         refined[..equals].sort_by_key(|r| r.effect);
         refined
+    }
+
+    /// Those that are explanations of their own beside others: a law that explains hardly more than one that it contains is none, unless these
+    /// data would not show it, or no drive: then it stands behind. `offset` makes of a likelihood what the whole explains.
+    pub(crate) fn distinct(&self, refined: &[Refined], others: &[Refined], offset: f64) -> Vec<Refined> {
+        let own = |wide: &Refined| {
+            let within = others.iter().filter(|narrow| self.no_more(wide, narrow, offset));
+            let Some(narrow) = within.max_by(|a, b| a.score.total_cmp(&b.score)) else { return Some(wide.clone()) };
+            let seen = wide.freedom > narrow.freedom + SEEN || self.narrower(wide).is_some();
+            let same = always(self.effect(wide.effect), self.effect(narrow.effect)).is_some();
+            (same || !seen).then(|| Refined { score: wide.score.min(narrow.score - EXCHANGE), ..wide.clone() })
+        };
+        refined.iter().filter_map(own).collect()
+    }
+
+    /// Whether a law explains hardly more than one that it contains: the form of a law is never exact.
+    pub(crate) fn no_more(&self, wide: &Refined, narrow: &Refined, offset: f64) -> bool {
+        let name = self.effect(narrow.effect).name();
+        let [wider, likelihood] = [wide, narrow].map(|r| r.fit.likelihood(&self.setting));
+        let contains = self.effect(wide.effect).contains().contains(&name) && wide.effect != narrow.effect;
+        self.narrower(wide) == Some(name) || (contains && wider - likelihood < SHARE * (likelihood + offset))
     }
 
     /// The name of the effect that a candidate is where a part of it does nothing.

@@ -399,21 +399,32 @@ impl<'a> Search<'a> {
                 break;
             }
             let (rest, refined) = self.replacements(selected, member, first);
-            let present = self.worth(selected, &rest);
-            let better = refined.first().filter(|b| exchanged < MOST && b.score > present + EXCHANGE);
+            let present = self.present(selected, &rest, member);
+            let offset = -selected.base.likelihood(&self.setting);
+            let refined = self.distinct(&refined, std::slice::from_ref(&present), offset);
+            let better = refined.first().filter(|b| b.score > present.score + EXCHANGE);
+            let simpler = || refined.iter().find(|candidate| self.no_more(&present, candidate, offset));
+            let better = better.or_else(simpler).filter(|_| exchanged < MOST);
             let replaced = better.and_then(|best| self.replaced(selected, &rest, best));
             exchanged += usize::from(replaced.is_some());
-            if let Some(next) = replaced.or_else(|| self.pruned(selected, &rest, present)) {
+            if let Some(next) = replaced.or_else(|| self.pruned(selected, &rest, present.score)) {
                 *selected = next;
                 selected.rivals = vec![Vec::new(); fixed];
                 newest = None;
                 member = fixed;
                 continue;
             }
-            selected.rivals.push(self.beside(&rest, &refined, selected.state.effects[member], present));
+            selected.rivals.push(self.beside(&rest, &refined, selected.state.effects[member], present.score));
             member += 1;
         }
         selected.rivals.resize(selected.state.effects.len(), Vec::new());
+    }
+
+    /// A member as it stands beside the candidates for its place.
+    fn present(&self, selected: &Selected, rest: &State, member: usize) -> Refined {
+        let fit = selected.state.fit.clone();
+        let freedom = self.freedom(&selected.state.effects, &fit) - self.freedom(&rest.effects, &rest.fit);
+        Refined { effect: selected.state.effects[member], score: self.worth(selected, rest), fit, freedom }
     }
 
     /// The selection without a member that the others have made superfluous: what it adds to them is not worth its parameters, or only the

@@ -233,6 +233,12 @@ pub trait Effect: Debug + Send + Sync {
         None
     }
 
+    /// Names of the effects that this one is with some of its values: friction by direction is dry friction where both directions have the
+    /// same. It takes their place only if it explains markedly more than they do.
+    fn contains(&self) -> &'static [&'static str] {
+        &[]
+    }
+
     /// The motion that shows it: "slow driving in both directions, through standstill".
     fn excitation(&self) -> &'static str;
 

@@ -80,6 +80,10 @@ impl Effect for CoulombFriction {
         (self.each_wheel && sizes.chunks(sizes.len().div_ceil(2).max(1)).any(idle)).then_some("coulomb_friction_one_wheel")
     }
 
+    fn contains(&self) -> &'static [&'static str] {
+        if self.each_wheel { &["coulomb_friction", "coulomb_friction_one_wheel"] } else { &[] }
+    }
+
     fn excitation(&self) -> &'static str {
         "slow driving in both directions, through standstill"
     }
@@ -88,7 +92,7 @@ impl Effect for CoulombFriction {
         &[
             Confusion {
                 with: "rolling_resistance",
-                because: "on the straight the two are one; only turning in place tells them apart, which friction at the wheels brakes and rolling resistance of wheels that are not driven does not",
+                because: "always, as far as the driven wheels resist: rolling resistance is dry friction there to the letter; what other wheels carry shows in turning in place only",
             },
             Confusion {
                 with: "coulomb_friction_one_wheel",

@@ -59,6 +59,10 @@ impl Effect for DirectionAsymmetry {
         )
     }
 
+    fn contains(&self) -> &'static [&'static str] {
+        &["coulomb_friction"]
+    }
+
     fn excitation(&self) -> &'static str {
         "slow driving in both directions, through standstill"
     }

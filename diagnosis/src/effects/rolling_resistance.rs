@@ -53,8 +53,8 @@ impl Effect for RollingResistance {
         format!("rolling resistance uses up {body} for the body and {driven} at each driven wheel; the model had none")
     }
 
-    fn narrower(&self, values: &[f64], scene: &Scene) -> Option<&'static str> {
-        self.parameters(scene)[0].is_neutral(values[0]).then_some("coulomb_friction")
+    fn contains(&self) -> &'static [&'static str] {
+        &["coulomb_friction"]
     }
 
     fn excitation(&self) -> &'static str {
@@ -65,7 +65,7 @@ impl Effect for RollingResistance {
         &[
             Confusion {
                 with: "coulomb_friction",
-                because: "resistance at the driven wheels is dry friction there; only turning in place, which friction at the wheels brakes, tells the body's share apart",
+                because: "always, as far as the driven wheels resist: that is dry friction there to the letter; what other wheels carry shows in turning in place only",
             },
             Confusion {
                 with: "direction_asymmetry",

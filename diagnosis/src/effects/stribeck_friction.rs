@@ -76,6 +76,10 @@ impl Effect for StribeckFriction {
         (no_rise || kink).then_some("coulomb_friction")
     }
 
+    fn contains(&self) -> &'static [&'static str] {
+        &["coulomb_friction"]
+    }
+
     fn excitation(&self) -> &'static str {
         "creeping and starting from rest, many times, in both directions"
     }

@@ -43,6 +43,8 @@ pub struct WheelSlip {
 
 /// Standard gravity \[m/s²\].
 const GRAVITY: f64 = 9.80665;
+/// Friction coefficient beyond which a ground holds whatever is asked of it.
+const BOUNDLESS: f64 = 100.0;
 /// Time in which a wheel and its motor alone come up to speed on most robots \[s\]: a part of what the whole robot takes.
 const SPIN_UP: f64 = 0.05;
 
@@ -95,17 +97,28 @@ impl Effect for WheelSlip {
 
     fn statement(&self, values: &[Estimate], scene: &Scene) -> String {
         let speed = scene.scales.speed;
-        match self.law {
-            SlipLaw::Creep => format!(
+        let creeps = |creep: Estimate| {
+            format!(
                 "the wheels creep on the ground: at {} m/s the robot follows them {} more slowly than at rest; the model's wheels rolled without slip",
                 digits(speed),
-                quantity(scaled(values[0], |creep| 100.0 * creep * speed), "%"),
-            ),
+                quantity(scaled(creep, |creep| 100.0 * creep * speed), "%"),
+            )
+        };
+        match self.law {
+            SlipLaw::Creep => creeps(values[0]),
+            SlipLaw::Grip if values[0].value > BOUNDLESS * GRAVITY => creeps(values[1]),
             SlipLaw::Grip => format!(
                 "the wheels slip when the robot is to accelerate by more than {}, a friction coefficient of {} if they carry all of its weight; the model's wheels held always",
                 quantity(values[0], "m/s²"),
                 digits(values[0].value / GRAVITY)
             ),
+        }
+    }
+
+    fn contains(&self) -> &'static [&'static str] {
+        match self.law {
+            SlipLaw::Creep => &[],
+            SlipLaw::Grip => &["wheel_slip"],
         }
     }
 

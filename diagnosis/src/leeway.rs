@@ -1,0 +1,89 @@
+//! How far the training data let an explanation's parameters go, and what it is worth on other data with that leeway.
+//!
+//! Parameters that the training data hardly show make errors of their own on other data, which say nothing of the explanation: a friction in turns
+//! that no turn has shown. So before an explanation is held for worse than another, its parameters go where the other data would have them, as
+//! far as the training data let them:
+//!
+//! min over δ of ‖W (y − ŷ − J δ)‖² + δᵀ H δ
+//!
+//! with H what the training data know of the parameters. The second term is what the move costs, in twice the log-likelihood.
+
+use nalgebra::{DMatrix, DVector};
+use wheelwright_core::Dataset;
+use wheelwright_core::effect::Scene;
+use wheelwright_core::least_squares::constrained_step;
+
+use crate::fit::algebra::{factor, gram};
+use crate::fit::layout::Layout;
+use crate::fit::search::parts;
+use crate::fit::setting::{Runner, Setting};
+use crate::noise::Noise;
+use crate::residuals::Series;
+use crate::select::{Search, State};
+
+/// Linear steps: the second one corrects the first.
+const STEPS: usize = 2;
+/// Errors beyond this many root mean squares count by their size only.
+const HUBER: f64 = 2.0;
+
+/// An explanation as other data would have it.
+pub(crate) struct Moved {
+    /// Free run over the other data.
+    pub(crate) simulated: Series,
+    /// What the move costs on the training data, in twice the log-likelihood.
+    pub(crate) cost: f64,
+}
+
+/// Moves an explanation's parameters to where other data would have them; `None` where it cannot be simulated there.
+pub(crate) fn moved(search: &Search<'_>, state: &State, data: &Dataset, scene: &Scene, noise: &Noise) -> Option<Moved> {
+    let layout = Layout::of(data, scene);
+    let setting = Setting { data, scene, measured: layout.flat(data), layout, ..search.setting.clone() };
+    let known = state.fit.information(&search.setting);
+    let effects = search.effects(&state.effects);
+    let limits = setting.limits(&search.parameters(&state.effects));
+    let first = DVector::from_column_slice(&state.fit.point.x);
+    let mut point = setting.point(state.fit.point.x.clone());
+    let mut runner = Runner::new(&setting, &effects, &point).ok()?;
+    let mut run = vec![0.0; setting.layout.len()];
+    for _ in 0..STEPS {
+        if !runner.run(&point.x, &point.starts, &mut run) {
+            return None;
+        }
+        let (error, weights) = weighed(&setting, &run, noise);
+        let mut columns: Vec<Vec<f64>> = (0..point.x.len()).map(|j| runner.column(&point, j, &run)).collect();
+        columns.push(error);
+        let columns: Vec<&[f64]> = columns.iter().map(Vec::as_slice).collect();
+        let x = DVector::from_column_slice(&point.x);
+        let system = gram(&columns, &parts(&setting), &weights) + prior(&known, &(&x - &first));
+        let step = constrained_step(&factor(&system), None, &x, &limits).ok()?;
+        point.x = (x + step).as_slice().to_vec();
+    }
+    let far = DVector::from_column_slice(&point.x) - first;
+    let cost = far.dot(&(known * &far));
+    runner.run(&point.x, &point.starts, &mut run).then(|| Moved { simulated: setting.layout.series(&run), cost })
+}
+
+/// Errors of a run, model minus measured, what is far out drawn in; and each output's weight: independent values count by what is left.
+fn weighed(setting: &Setting<'_>, run: &[f64], noise: &Noise) -> (Vec<f64>, Vec<f64>) {
+    let mut error: Vec<f64> = run.iter().zip(&setting.measured).map(|(model, measured)| model - measured).collect();
+    let output = |(c, part): (usize, std::ops::Range<usize>)| {
+        let own = &mut error[part];
+        let size = (own.iter().map(|e| e * e).sum::<f64>() / own.len() as f64).sqrt().max(noise.deviation[c]);
+        own.iter_mut().for_each(|e| *e = e.clamp(-HUBER * size, HUBER * size));
+        (noise.innovation[c] / noise.deviation[c] / size).powi(2)
+    };
+    let weights = parts(setting).into_iter().enumerate().map(output).collect();
+    (error, weights)
+}
+
+/// What is known of parameters so far from where it was learnt, in the form of sums of products with the error as last column.
+fn prior(known: &DMatrix<f64>, far: &DVector<f64>) -> DMatrix<f64> {
+    let n = known.nrows();
+    let pull = known * far;
+    let mut prior = DMatrix::zeros(n + 1, n + 1);
+    prior.view_mut((0, 0), (n, n)).copy_from(known);
+    prior.view_mut((0, n), (n, 1)).copy_from(&pull);
+    prior.view_mut((n, 0), (1, n)).copy_from(&pull.transpose());
+    prior[(n, n)] = far.dot(&pull);
+    prior
+}
