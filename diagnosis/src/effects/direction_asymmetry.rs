@@ -7,12 +7,19 @@ use wheelwright_core::Effect;
 use wheelwright_core::effect::{Confusion, EffectParameter, Estimate, Instant, Scene, Stage, Start};
 
 use super::force;
-use super::words::quantity;
+use super::words::{quantity, smooth_sign};
 
 /// Friction by direction.
 #[derive(Debug, Clone, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct DirectionAsymmetry {}
+
+/// How far a robot with wheels is from standing. A wheel that turns over while the other one drives on jumps between its two frictions, and is
+/// halfway between them on the way; only a robot that stands feels nothing.
+fn moving(scene: &Scene, outputs: &[f64]) -> Option<f64> {
+    let still = |s: f64| 1.0 - smooth_sign(s, scene.scales.speed).powi(2);
+    scene.frame.has_wheels().then(|| 1.0 - scene.frame.wheels(outputs).map(still).iter().product::<f64>())
+}
 
 #[typetag::serde(name = "direction_asymmetry")]
 impl Effect for DirectionAsymmetry {
@@ -73,6 +80,10 @@ impl Effect for DirectionAsymmetry {
                 with: "coulomb_friction",
                 because: "as long as no wheel rolls backwards, and together with a constant offset of the command always",
             },
+            Confusion {
+                with: "rolling_resistance",
+                because: "while the robot does not drive backwards, what other wheels resist adds to the driven ones' friction forwards and is taken off it backwards",
+            },
             Confusion { with: "slope", because: "while the heading stays the same, a slope helps one way and brakes the other alike" },
             Confusion {
                 with: "viscous_asymmetry",
@@ -83,9 +94,10 @@ impl Effect for DirectionAsymmetry {
 
     fn load(&self, p: &[f64], at: &Instant<'_>, outputs: &[f64], _state: &[f64], load: &mut [f64]) {
         let n = force::contacts(at.scene);
+        let moving = moving(at.scene, outputs);
         force::at_contacts(at, outputs, p.get(2 * n), load, |contact, _, sign| {
             let (forward, backward) = (p[contact], p[n + contact]);
-            0.5 * sign * (forward + backward + sign * (forward - backward))
+            0.5 * (sign * (forward + backward) + moving.unwrap_or(sign * sign) * (forward - backward))
         });
     }
 }
