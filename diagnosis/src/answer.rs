@@ -5,6 +5,7 @@ use wheelwright_core::effect::{Confusion, Effect, Estimate, Scene};
 
 use crate::adequacy;
 use crate::decide::{Weighed, decide};
+use crate::effects::digits;
 use crate::experiment::{Rivals, design};
 use crate::finding::Experiment;
 use crate::finding::{Alternative, BaseParameter, Diagnosis, Finding, Fits, FoundParameter, Location, Replay, Rung, Verdict, settings};
@@ -43,8 +44,17 @@ pub(crate) struct Story<'a> {
     pub(crate) responses: Vec<Response>,
     /// Twice the log-likelihood of the rough base fit under white noise.
     pub(crate) first: f64,
-    /// Evidence for reading the outputs as means over the interval, where they are read so.
-    pub(crate) means: Option<f64>,
+    /// Where the outputs are read as means over the interval: why.
+    pub(crate) means: Option<Means>,
+}
+
+/// What speaks for reading the outputs as means over the interval.
+#[derive(Clone)]
+pub(crate) struct Means {
+    /// The evidence.
+    pub(crate) evidence: f64,
+    /// The name of what makes the outputs late where they are not read so.
+    pub(crate) instead: Option<String>,
 }
 
 /// Writes the answer.
@@ -64,7 +74,7 @@ pub(crate) fn tell(
     if !findings.is_empty() {
         flags.extend(following(setting, noise, &selected.base));
     }
-    flags.extend(story.means.map(means));
+    flags.extend(story.means.clone().map(|found| means(found, setting.scene)));
     let base_state = State { effects: Vec::new(), fit: selected.base.clone() };
     let screened = search.screen(&base_state, &selected.whitening, responses);
     let untestable = untestable::list(search, &screened, responses, &selected.state);
@@ -139,18 +149,33 @@ fn next_experiment(
     Ok(design(&rivals)?)
 }
 
-/// Outputs that are means over the interval are those of an encoder, whether or not its counts show.
-fn means(evidence: f64) -> Flag {
+/// Outputs that are means over the interval are those of an encoder, whether or not its counts show. No drive tells the mean from the delay by
+/// half a sample that it would otherwise be: they differ by what is faster than the samples.
+fn means(means: Means, scene: &Scene) -> Flag {
+    let Means { evidence, instead } = means;
     let statement = "speeds are recorded as means over the sampling interval".to_owned();
+    let because = format!(
+        "always, but for what is faster than the samples: a mean over an interval is late by half of it, {} s",
+        digits(0.5 * scene.scales.period)
+    );
+    let instead = instead.map(|name| Alternative { name, gap: evidence, because, always: true, open: false });
     let effect = Some(("encoder_quantisation".to_owned(), vec![0.0]));
-    Flag { test: "means over the interval", value: evidence, threshold: 0.0, left_over: None, statement, effect }
+    Flag { test: "means over the interval", value: evidence, threshold: 0.0, left_over: None, statement, effect, instead }
 }
 
 /// What a finding's values say that its effect does not explain: all of it is left over.
 fn beyond(effect: &dyn Effect, finding: &Finding) -> Option<Flag> {
     let estimates: Vec<Estimate> = finding.parameters.iter().map(|p| Estimate { value: p.value, ci95: p.ci95 }).collect();
     let statement = effect.beyond(&estimates)?;
-    Some(Flag { test: "values beyond the effect", value: 1.0, threshold: 0.0, left_over: Some(1.0), statement, effect: None })
+    Some(Flag {
+        test: "values beyond the effect",
+        value: 1.0,
+        threshold: 0.0,
+        left_over: Some(1.0),
+        statement,
+        effect: None,
+        instead: None,
+    })
 }
 
 /// A rest that hardly changes from sample to sample: motion, however well an autoregression takes it for noise.
@@ -167,7 +192,15 @@ fn following(setting: &Setting<'_>, noise: &Noise, base: &Fit) -> Option<Flag> {
         "what is left of {} hardly changes from sample to sample: motion that these effects do not explain, not noise",
         setting.data.outputs[output].name
     );
-    Some(Flag { test: "a rest that follows its past", value, threshold: SLOW, left_over: Some(share), statement, effect: None })
+    Some(Flag {
+        test: "a rest that follows its past",
+        value,
+        threshold: SLOW,
+        left_over: Some(share),
+        statement,
+        effect: None,
+        instead: None,
+    })
 }
 
 /// θ and effects' values of a state.
@@ -336,9 +369,9 @@ fn findings(search: &Search<'_>, selected: &Selected, proof: &Proven) -> (Vec<Fi
             alternatives: alternatives(search, effect, delta_bic, rivals),
         });
         let told = |r: &&Rival| {
-            all.last().is_some_and(|f: &Finding| f.alternatives.iter().any(|a| a.name == search.effect(r.effect).name() && !a.always))
+            all.last().is_some_and(|f: &Finding| f.alternatives.iter().any(|a| a.name == search.effect(r.effect).name() && a.open))
         };
-        let near = rivals.iter().filter(|r| r.gap < AMBIGUOUS).filter(told);
+        let near = rivals.iter().filter(|r| r.gap < reach(AMBIGUOUS, effect, search.effect(r.effect), delta_bic)).filter(told);
         open.extend(near.map(|r| r.state.clone()));
     }
     (all, open)
@@ -355,14 +388,19 @@ pub(crate) fn always(a: &dyn Effect, b: &dyn Effect) -> Option<&'static Confusio
     confusion(a, b).filter(|c| c.because.starts_with(ALWAYS))
 }
 
+/// How much worse a rival may be in penalised evidence for these data to leave it so open: effects of one family differ by as much as the form of
+/// a law is inexact by, for no other reason.
+pub(crate) fn reach(least: f64, found: &dyn Effect, rival: &dyn Effect, worth: f64) -> f64 {
+    if always(found, rival).is_some() || found.family() == rival.family() { least.max(SHARE * worth) } else { least }
+}
+
 /// Rivals near enough to be mentioned, each name once. What is the same under every drive differs by what nobody recorded before the first
 /// sample: it is mentioned unless that is more than the imperfect form of an effect is.
 fn alternatives(search: &Search<'_>, found: &dyn Effect, worth: f64, rivals: &[Rival]) -> Vec<Alternative> {
     let mut all: Vec<Alternative> = Vec::new();
     for rival in rivals {
         let effect = search.effect(rival.effect);
-        let reach = if always(found, effect).is_some() { f64::max(MENTIONED, SHARE * worth) } else { MENTIONED };
-        if rival.gap >= reach {
+        if rival.gap >= reach(MENTIONED, found, effect, worth) {
             continue;
         }
         if effect.name() == found.name() || all.iter().any(|a| a.name == effect.name()) {
@@ -375,6 +413,7 @@ fn alternatives(search: &Search<'_>, found: &dyn Effect, worth: f64, rivals: &[R
             name: effect.name().to_owned(),
             gap: rival.gap,
             always,
+            open: !always && rival.gap < reach(AMBIGUOUS, found, effect, worth),
             because: if always { why } else { format!("{why}; what tells them apart is {}", effect.excitation()) },
         });
     }

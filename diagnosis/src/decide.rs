@@ -2,7 +2,6 @@
 
 use wheelwright_core::effect::{Effect, Estimate, Scene};
 
-use crate::answer::AMBIGUOUS;
 use crate::finding::{Finding, FoundParameter, Verdict, settings};
 use crate::holdout::Transfer;
 use crate::residuals::Flag;
@@ -60,7 +59,7 @@ pub(crate) fn decide(weighed: Weighed<'_>) -> Decided {
     findings.extend(track.filter(|_| !findings.iter().any(|f| SLIDES.contains(&f.name.as_str()))));
     warnings.extend(left.iter().map(|f| f.statement.clone()));
     let nothing = findings.is_empty();
-    let rivals = findings.iter().any(|f| f.alternatives.iter().any(|a| a.gap < AMBIGUOUS && !a.always));
+    let rivals = findings.iter().any(|f| f.alternatives.iter().any(|a| a.open));
     if elsewhere {
         warnings.push(if moved { UNTRANSFERRED } else { FOREIGN }.to_owned());
     }
@@ -99,14 +98,14 @@ fn of_noise(name: &str, values: &[f64], flag: &Flag, effects: &[Box<dyn Effect>]
         settings: settings(&**effect),
         delta_bic: flag.value - flag.threshold,
         holdout_gain: None,
-        alternatives: Vec::new(),
+        alternatives: flag.instead.iter().cloned().collect(),
     })
 }
 
 fn headline(verdict: Verdict, findings: &[Finding], left: &[&Flag]) -> String {
     let said = || findings.iter().map(|f| f.statement.clone()).collect::<Vec<_>>().join("; and ");
     let names = |f: &Finding| {
-        let near = f.alternatives.iter().filter(|a| a.gap < AMBIGUOUS && !a.always).map(|a| a.name.as_str());
+        let near = f.alternatives.iter().filter(|a| a.open).map(|a| a.name.as_str());
         std::iter::once(f.name.as_str()).chain(near).collect::<Vec<_>>().join(" or ")
     };
     match verdict {
@@ -170,6 +169,7 @@ mod tests {
             left_over: None,
             statement: "stamps jitter".to_owned(),
             effect: Some(("timestamp_jitter".to_owned(), vec![0.01])),
+            instead: None,
         };
         let found = decided(false, Transfer::Fails, vec![jitter.clone()]);
         assert_eq!((found.verdict, found.effects.len()), (Verdict::Explained, 1), "{}", found.headline);

@@ -6,7 +6,7 @@ use wheelwright_core::Dataset;
 use wheelwright_core::effect::{Effect, Scene, Stage};
 use wheelwright_core::simulation::Readout;
 
-use crate::answer::{Story, tell};
+use crate::answer::{Means, Story, tell};
 use crate::beside::Beside;
 use crate::effects::digits;
 use crate::finding::Diagnosis;
@@ -19,7 +19,7 @@ use crate::judge::judged;
 use crate::noise::Noise;
 use crate::question::{DiagnosisError, Question};
 use crate::screen::{Response, saturate};
-use crate::select::{COMPARING, FINAL, Search, Selected, State};
+use crate::select::{COMPARING, EXCHANGE, FINAL, Search, Selected, State};
 use crate::track;
 
 /// Fewest values a parameter that are needed for a noise model to mean anything.
@@ -28,7 +28,7 @@ const FEWEST: usize = 10;
 const NUMERICAL: f64 = 5e-5;
 /// Error of a free run beside the noise that changes nothing: its square is a ten-thousandth of the noise's.
 const ACCURACY: f64 = 0.01;
-/// Evidence by which another reading of the data must be better than the ordinary one.
+/// Evidence by which another track must be better than the ordinary one.
 pub(crate) const DECISIVE: f64 = 10.0;
 /// Rows beyond which a recording only costs time: pieces spread evenly over it are taken.
 const MOST_ROWS: usize = 8_000;
@@ -91,8 +91,8 @@ fn unknown_track(likeliest: Option<f64>) -> String {
     format!("the track width is unknown: effects at the wheels are computed with {taken}; give `--robot` to have their sizes right")
 }
 
-/// Odometry that differences counts records means over the interval, which looks like a delay of half a sample. Where being late
-/// is part of the explanation, the plainer reading of the data is tried, and kept if it explains as much with less.
+/// Odometry that differences counts records means over the interval, which looks like a delay of half a sample, or hides in the model's own
+/// lag. Unless what was found is later than that, this reading of the data is tried, and kept if it explains more.
 fn other_readout<'a>(
     story: Story<'a>,
     question: &Question<'a>,
@@ -101,8 +101,8 @@ fn other_readout<'a>(
     known: Option<&'a Known>,
     course: &'a OnceCell<Scene>,
 ) -> Result<Story<'a>, DiagnosisError> {
-    let none_late = !story.search.effects(&story.selected.state.effects).into_iter().any(late) || !story.barely_late();
-    if none_late || story.search.setting.exhausted() {
+    let instead = story.search.effects(&story.selected.state.effects).into_iter().find(|effect| late(*effect));
+    if (instead.is_some() && !story.barely_late()) || story.search.setting.exhausted() {
         return Ok(story);
     }
     let mut other = setting(question, data, scene, Readout::IntervalMean);
@@ -111,12 +111,15 @@ fn other_readout<'a>(
     if base.likelihood(&other) <= story.first {
         return Ok(story);
     }
-    if plainer(&story, &other, &base).is_none_or(|plainer| plainer <= story.evidence()) {
+    // It is one of the library's names, and was looked for among them.
+    let sought = story.search.penalty(1.0) - story.search.log_values();
+    if plainer(&story, &other, &base).is_none_or(|plainer| plainer - sought <= story.evidence()) {
         return Ok(story);
     }
     let rival = selected(surroundings(other, question, course)?, known)?;
-    let better = rival.own_evidence() - story.own_evidence();
-    Ok(if better > DECISIVE { Story { means: Some(better), ..rival } } else { story })
+    let better = rival.own_evidence() - story.own_evidence() - sought;
+    let means = Means { evidence: better, instead: instead.map(|effect| effect.name().to_owned()) };
+    Ok(if better > EXCHANGE { Story { means: Some(means), ..rival } } else { story })
 }
 
 /// Evidence for a story without its lateness under another reading: only where that does as well is there more to look for.

@@ -46,6 +46,8 @@ pub struct Alternative {
     pub because: String,
     /// True if the two are the same mathematics: no drive tells them apart, so it is no ambiguity of these data.
     pub always: bool,
+    /// True if these data leave it open which of the two it is, and another drive would tell.
+    pub open: bool,
 }
 
 /// An effect that was found.

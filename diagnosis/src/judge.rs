@@ -17,7 +17,7 @@ use crate::leeway::{Moved, moved};
 use crate::noise::Noise;
 use crate::question::Question;
 use crate::screen::Response;
-use crate::select::{FINAL, SHARE, Search, Selected, State};
+use crate::select::{FINAL, Rival, SHARE, Search, Selected, State};
 
 /// Share of a rival's held-out excess that a better explanation may leave: the same half by which an explanation has to close it.
 const CLOSED: f64 = 0.5;
@@ -51,7 +51,8 @@ fn exchanged(bench: &Bench<'_>, search: &Search<'_>, mut selected: Selected) -> 
         // The same mathematics under every drive differs by what nobody recorded before the first sample.
         let (same, mut rivals): (Vec<_>, Vec<_>) = rivals.into_iter().partition(|r| always(found, search.effect(r.effect)).is_some());
         // What the training data hold for worse has to be better on other data as it stands.
-        rivals.retain(|r| r.gap < MENTIONED || (r.gap < reach && bench.better(search, &r.state, &selected.state)));
+        let near_enough = |r: &Rival| r.gap < crate::answer::reach(MENTIONED, found, search.effect(r.effect), explained);
+        rivals.retain(|r| near_enough(r) || (r.gap < reach && bench.better(search, &r.state, &selected.state)));
         // A rival was only fitted well enough to be ranked: what is left to its end counts on other data as much as a cause does.
         rivals.iter_mut().for_each(|r| ended(search, &selected, &mut r.state));
         let mut near: Vec<(f64, _)> = rivals.into_iter().map(|r| (bench.with_leeway(search, &r.state), r)).collect();
@@ -68,7 +69,7 @@ fn exchanged(bench: &Bench<'_>, search: &Search<'_>, mut selected: Selected) -> 
             selected.rivals.push(Vec::new());
             member = selected.rivals.len() - 1;
         }
-        let open = near.into_iter().filter(|(loss, r)| r.gap < MENTIONED && !bench.decisive(own, *loss)).map(|(_, r)| r);
+        let open = near.into_iter().filter(|(loss, r)| near_enough(r) && !bench.decisive(own, *loss)).map(|(_, r)| r);
         selected.rivals[member] = if better { open.collect() } else { open.chain(same).collect() };
         member = if better { 0 } else { member + 1 };
     }

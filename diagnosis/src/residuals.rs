@@ -2,6 +2,7 @@
 
 use wheelwright_core::{Dataset, RegressorModel};
 
+use crate::finding::Alternative;
 use crate::noise::Noise;
 
 /// Values by stretch, output, row.
@@ -67,4 +68,6 @@ pub struct Flag {
     pub statement: String,
     /// The effect of the library whose mark this is (`timestamp_jitter`, `encoder_quantisation`), and values of its parameters.
     pub effect: Option<(String, Vec<f64>)>,
+    /// Another effect that would leave the same mark.
+    pub instead: Option<Alternative>,
 }

@@ -1,25 +1,16 @@
 //! Dry friction that differs forwards and backwards: f = c_f on a wheel that rolls forwards, −c_b on one that rolls backwards.
-//!
-//! The same as f = c (1 + a sgn s) sgn s with c = (c_f + c_b)/2 and a = (c_f − c_b)/(c_f + c_b), so that 0 ≤ c_f, c_b is |a| ≤ 1.
 
 use serde::{Deserialize, Serialize};
 use wheelwright_core::Effect;
 use wheelwright_core::effect::{Confusion, EffectParameter, Estimate, Instant, Scene, Stage, Start};
 
 use super::force;
-use super::words::{quantity, smooth_sign};
+use super::words::quantity;
 
 /// Friction by direction.
 #[derive(Debug, Clone, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct DirectionAsymmetry {}
-
-/// How far a robot with wheels is from standing. A wheel that turns over while the other one drives on jumps between its two frictions, and is
-/// halfway between them on the way; only a robot that stands feels nothing.
-fn moving(scene: &Scene, outputs: &[f64]) -> Option<f64> {
-    let still = |s: f64| 1.0 - smooth_sign(s, scene.scales.speed).powi(2);
-    scene.frame.has_wheels().then(|| 1.0 - scene.frame.wheels(outputs).map(still).iter().product::<f64>())
-}
 
 #[typetag::serde(name = "direction_asymmetry")]
 impl Effect for DirectionAsymmetry {
@@ -94,10 +85,9 @@ impl Effect for DirectionAsymmetry {
 
     fn load(&self, p: &[f64], at: &Instant<'_>, outputs: &[f64], _state: &[f64], load: &mut [f64]) {
         let n = force::contacts(at.scene);
-        let moving = moving(at.scene, outputs);
         force::at_contacts(at, outputs, p.get(2 * n), load, |contact, _, sign| {
             let (forward, backward) = (p[contact], p[n + contact]);
-            0.5 * (sign * (forward + backward) + moving.unwrap_or(sign * sign) * (forward - backward))
+            sign * if sign > 0.0 { forward } else { backward }
         });
     }
 }
