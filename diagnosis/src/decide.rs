@@ -16,6 +16,10 @@ const FOREIGN: &str = "the held-out recording shows motion that the model misses
 /// What is said where an explanation fails on held-out data.
 const UNTRANSFERRED: &str = "what explains the training data does not bring the held-out error down: it fits here and does not transfer";
 
+/// What is said where only parameters that the training data do not show are in the way.
+const OPEN: &str = "the held-out error comes down with other values of parameters that the training data hardly show: the fit on held-out data is given \
+                    with the values found; drive as in the held-out recording to know them";
+
 /// Effects by which the wheels' rates tell another motion than the robot's.
 const SLIDES: [&str; 2] = ["turning_scrub", "wheel_slip"];
 
@@ -62,6 +66,9 @@ pub(crate) fn decide(weighed: Weighed<'_>) -> Decided {
     let rivals = findings.iter().any(|f| f.alternatives.iter().any(|a| a.open));
     if elsewhere {
         warnings.push(if moved { UNTRANSFERRED } else { FOREIGN }.to_owned());
+    }
+    if moved && transfer == Transfer::Open {
+        warnings.push(OPEN.to_owned());
     }
     let verdict = match (nothing, left.is_empty()) {
         (true, true) if elsewhere => Verdict::Unexplained,

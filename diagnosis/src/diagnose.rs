@@ -159,7 +159,7 @@ fn evidence(search: &Search<'_>, state: &State, whitening: &Whitening, base: &Fi
     state.fit.likelihood(&search.setting) - scale - cost
 }
 
-fn setting<'a>(question: &Question<'a>, data: &'a Dataset, scene: &'a Scene, readout: Readout) -> Setting<'a> {
+pub(crate) fn setting<'a>(question: &Question<'a>, data: &'a Dataset, scene: &'a Scene, readout: Readout) -> Setting<'a> {
     let layout = Layout::of(data, scene);
     let mut map = question.map.clone();
     if let (true, Some(theta)) = (question.fixed, &question.theta) {

@@ -109,6 +109,8 @@ fn variance(data: &Dataset, c: usize) -> f64 {
 pub(crate) enum Transfer {
     /// It is as good there, or nothing there needs explaining.
     Holds,
+    /// It would be with other parameters, between which the data it was fitted to do not tell.
+    Open,
     /// It does not bring the error down there as it does on the data it was fitted to.
     Fails,
 }

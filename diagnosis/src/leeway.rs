@@ -21,8 +21,10 @@ use crate::noise::Noise;
 use crate::residuals::Series;
 use crate::select::{Search, State};
 
-/// Linear steps: the second one corrects the first.
-const STEPS: usize = 2;
+/// Most linear steps: each corrects the one before.
+const STEPS: usize = 5;
+/// A step that promises less, in twice the log-likelihood, is the last.
+const LAST: f64 = 1.0;
 /// Errors beyond this many root mean squares count by their size only.
 const HUBER: f64 = 2.0;
 
@@ -56,7 +58,11 @@ pub(crate) fn moved(search: &Search<'_>, state: &State, data: &Dataset, scene: &
         let x = DVector::from_column_slice(&point.x);
         let system = gram(&columns, &parts(&setting), &weights) + prior(&known, &(&x - &first));
         let step = constrained_step(&factor(&system), None, &x, &limits).ok()?;
+        let promised = step.dot(&(system.view((0, 0), (x.len(), x.len())) * &step));
         point.x = (x + step).as_slice().to_vec();
+        if promised < LAST {
+            break;
+        }
     }
     let far = DVector::from_column_slice(&point.x) - first;
     let cost = far.dot(&(known * &far));
@@ -86,4 +92,74 @@ fn prior(known: &DMatrix<f64>, far: &DVector<f64>) -> DMatrix<f64> {
     prior.view_mut((n, 0), (1, n)).copy_from(&pull.transpose());
     prior[(n, n)] = far.dot(&pull);
     prior
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
+
+    use std::cell::OnceCell;
+
+    use rand::rngs::StdRng;
+    use rand::{Rng, SeedableRng};
+    use wheelwright_core::simulation::{Readout, Simulator};
+    use wheelwright_core::{ModelConfig, Stretch};
+    use wheelwright_models::VwPdConfig;
+
+    use super::*;
+    use crate::diagnose::{setting, surroundings};
+    use crate::fixture::{NOISE, THETA, TRACK, normal};
+    use crate::holdout::loss;
+    use crate::question::Question;
+
+    /// A recording of a robot that turns or does not.
+    fn record(theta: &[f64], seed: u64, turning: f64) -> Dataset {
+        let (model, mut random) = (VwPdConfig::default().build().unwrap(), StdRng::seed_from_u64(seed));
+        let mut inputs = vec![vec![0.3], vec![0.0]];
+        for k in 1..1200 {
+            let step = random.random_bool(0.05);
+            let held = [inputs[0][k - 1], inputs[1][k - 1]];
+            inputs[0].push(if step { random.random_range(-0.4..0.6) } else { held[0] });
+            inputs[1].push(if step { turning * random.random_range(-1.0..1.0) } else { held[1] });
+        }
+        let mut stretch =
+            Stretch { label: "1".to_owned(), time: (0..1200).map(|k| 0.05 * f64::from(k)).collect(), outputs: inputs.clone(), inputs };
+        let mut outputs = vec![Vec::new(); 2];
+        Simulator::new(&*model, theta).unwrap().run(&stretch, &[0.0, 0.0], &mut outputs).unwrap();
+        outputs.iter_mut().zip(NOISE).for_each(|(series, noise)| series.iter_mut().for_each(|x| *x += noise * normal(&mut random)));
+        stretch.outputs = outputs;
+        Dataset { inputs: model.inputs().to_vec(), outputs: model.outputs().to_vec(), stretches: vec![stretch] }
+    }
+
+    /// Losses on held-out data of the base model that training data tell: as it was fitted, and moved; and what the move costs.
+    fn losses(training: &Dataset, held: &Dataset) -> (f64, f64, f64) {
+        let model = VwPdConfig::default().build().unwrap();
+        let question = Question::new(&*model, training, &[]);
+        let [scene, other] = [training, held].map(|data| Scene::new(data, &*model, TRACK, None, None));
+        let course = OnceCell::new();
+        let start = surroundings(setting(&question, training, &scene, Readout::Instantaneous), &question, &course).unwrap();
+        let state = State { effects: Vec::new(), fit: start.base };
+        let noise = Noise::white(&NOISE, &Layout::of(held, &other));
+        let there = Setting { data: held, scene: &other, layout: Layout::of(held, &other), ..start.search.setting.clone() };
+        let mut given = vec![0.0; there.layout.len()];
+        let point = there.point(state.fit.point.x.clone());
+        assert!(Runner::new(&there, &[], &point).unwrap().run(&point.x, &point.starts, &mut given));
+        let Moved { simulated, cost } = moved(&start.search, &state, held, &other, &noise).unwrap();
+        (loss(held, &there.layout.series(&given), &NOISE), loss(held, &simulated, &NOISE), cost)
+    }
+
+    #[test]
+    fn what_the_training_data_do_not_show_goes_where_other_data_have_it_for_nothing() {
+        let (given, moved, cost) = losses(&record(&THETA, 1, 0.02), &record(&THETA, 2, 1.0));
+        assert!(given > 1.5 && moved < 1.1 && cost < 40.0, "{given} {moved} {cost}");
+    }
+
+    #[test]
+    fn what_they_show_stays() {
+        let mut other = THETA;
+        (other[0], other[1]) = (1.2 * THETA[0], 1.2 * THETA[1]);
+        let (given, moved, cost) = losses(&record(&THETA, 3, 1.0), &record(&other, 4, 1.0));
+        let values = 2.0 * 1200.0;
+        assert!(given > 1.5 && moved * (cost / values).exp() > 1.0 + 0.5 * (given - 1.0), "{given} {moved} {cost}");
+    }
 }

@@ -239,7 +239,8 @@ impl Push {
 
     /// What a brush carries that holds no more than a limit.
     fn gripped(self, limit: f64, creep: f64) -> f64 {
-        if !limit.is_finite() {
+        // So far below the limit all of the contact sticks, to a ten-thousandth.
+        if limit > STICKS * self.size {
             return self.crept(creep);
         }
         if self.beyond(limit, creep, 0.0).0 >= 0.0 {
@@ -265,6 +266,8 @@ impl Push {
     }
 }
 
+/// Limit, in terms of the push, beyond which a brush is no other tyre than one without a limit.
+const STICKS: f64 = 1e4;
 /// Most steps to a root: halving alone needs no more.
 const STEPS: usize = 60;
 /// A step of Newton's that is this small is the last: what it leaves is its square.

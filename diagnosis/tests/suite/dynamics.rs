@@ -85,7 +85,7 @@ fn friction_by_direction() {
     let rig = body();
     let law = |s: f64| {
         let (c, a) = (0.5 * (forward + backward), (forward - backward) / (forward + backward));
-        c * (1.0 + a * rig.sign(s)) * rig.sign(s)
+        c * (1.0 + a * s.signum()) * rig.sign(s)
     };
     let error = rig.load_error(&DirectionAsymmetry {}, &[forward, backward, ratio], |x| off(wheels(x).map(law), ratio));
     assert!(error < 3e-4, "{error}");

@@ -11,4 +11,6 @@ mod dynamics;
 mod forward;
 mod library;
 mod measurement;
+mod recorded;
 mod rig;
+mod rivals;

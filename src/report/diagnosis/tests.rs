@@ -67,6 +67,7 @@ pub(crate) fn example(verdict: Verdict) -> Diagnosis {
         gap: 3.2,
         because: "a subtracting dead zone differs from friction only in its phase at reversals".to_owned(),
         always: false,
+        open: true,
     }];
     let finding = Finding {
         name: "coulomb_friction".to_owned(),

@@ -1,0 +1,97 @@
+//! Explanations that look alike: which of them is told, and which are left open.
+
+use rand::rngs::StdRng;
+use rand::{Rng, SeedableRng};
+use wheelwright_core::effect::Effect;
+use wheelwright_core::{Dataset, Stretch};
+use wheelwright_diagnosis::effects::{CoulombFriction, CoulombFrictionOneWheel, DirectionAsymmetry, RollingResistance, Wheel};
+use wheelwright_diagnosis::{Diagnosis, Question, Verdict, diagnose};
+
+use crate::recorded::{NOISE, TRACK, driven, model, names, record};
+
+fn among(library: &[Box<dyn Effect>], training: &Dataset, held_out: Option<&Dataset>) -> Diagnosis {
+    let model = model();
+    let mut question = Question::new(&*model, training, library);
+    (question.held_out, question.track_width) = (held_out, Some(TRACK));
+    diagnose(&question).unwrap()
+}
+
+/// Friction of a size for each wheel contains that of one wheel, and explains hardly more of it.
+#[test]
+fn a_wider_law_that_explains_hardly_more_is_no_other_explanation() {
+    let hidden = CoulombFrictionOneWheel { wheel: Wheel::Right };
+    let library: Vec<Box<dyn Effect>> = vec![
+        Box::new(CoulombFriction::default()),
+        Box::new(CoulombFriction { each_wheel: true }),
+        Box::new(CoulombFrictionOneWheel { wheel: Wheel::Left }),
+        Box::new(CoulombFrictionOneWheel { wheel: Wheel::Right }),
+        Box::new(DirectionAsymmetry {}),
+    ];
+    for seed in 1..=6 {
+        let diagnosis = among(&library, &record(seed, 600, true, &[(&hidden, &[0.015, 1.0])], 0.0), None);
+        assert_eq!(
+            (diagnosis.verdict, names(&diagnosis)),
+            (Verdict::Explained, vec!["coulomb_friction_one_wheel"]),
+            "{seed}: {}",
+            diagnosis.headline
+        );
+        assert!(diagnosis.effects[0].alternatives.is_empty(), "{seed}: {:?}", diagnosis.effects[0].alternatives);
+    }
+}
+
+/// Turns in which the inner wheel runs backwards, while the robot drives forwards or either way.
+fn turning(seed: u64, backwards: bool, effects: &[(&dyn Effect, &[f64])]) -> Dataset {
+    let mut random = StdRng::seed_from_u64(seed);
+    let (mut v, mut w) = (0.3, 0.0);
+    let mut inputs = vec![Vec::new(), Vec::new()];
+    for _ in 0..1600 {
+        if random.random_bool(0.06) {
+            v = random.random_range(0.15..0.4) * if backwards && random.random_bool(0.5) { -1.0 } else { 1.0 };
+            w = random.random_range(-4.0..4.0);
+        }
+        inputs[0].push(v);
+        inputs[1].push(w);
+    }
+    let mut outputs = inputs.clone();
+    outputs.iter_mut().for_each(|c| c[0] = 0.0);
+    let stretch = Stretch { label: "1".to_owned(), time: (0..1600).map(|k| 0.05 * f64::from(k)).collect(), outputs, inputs };
+    driven(NOISE, TRACK, &mut random, stretch, effects, 0.0)
+}
+
+/// A robot that never drives backwards cannot tell friction by direction from what its castors resist: forwards the two add to each other, on the
+/// inner wheel of a turn one is taken off the other.
+#[test]
+fn friction_by_direction_and_rolling_resistance_are_one_until_the_robot_backs_up() {
+    let hidden = DirectionAsymmetry {};
+    let library: Vec<Box<dyn Effect>> =
+        vec![Box::new(CoulombFriction::default()), Box::new(RollingResistance {}), Box::new(DirectionAsymmetry {})];
+    for (backwards, verdict) in [(false, Verdict::Ambiguous), (true, Verdict::Explained)] {
+        let diagnosis = among(&library, &turning(5, backwards, &[(&hidden, &[0.06, 0.02, 1.0])]), None);
+        let mut told = names(&diagnosis);
+        told.extend(diagnosis.effects[0].alternatives.iter().filter(|a| a.open).map(|a| a.name.as_str()));
+        told.sort_unstable();
+        let expected: &[&str] = if backwards { &["direction_asymmetry"] } else { &["direction_asymmetry", "rolling_resistance"] };
+        assert_eq!((diagnosis.verdict, &told[..]), (verdict, expected), "{}", diagnosis.headline);
+    }
+}
+
+/// Where no wheel reverses a turn shows nothing of friction: what friction takes in turns is then anything, and that it is another than was taken
+/// for granted speaks against no explanation.
+#[test]
+fn what_the_training_data_do_not_show_of_an_explanation_does_not_speak_against_it() {
+    let hidden = CoulombFriction::default();
+    let library: Vec<Box<dyn Effect>> = vec![Box::new(CoulombFriction::default())];
+    for seed in [31, 35] {
+        let values = [0.04, 0.3];
+        let training = record(seed, 600, false, &[(&hidden, &values)], 0.0);
+        let held = record(32, 1200, true, &[(&hidden, &values)], 0.0);
+        let diagnosis = among(&library, &training, Some(&held));
+        assert_eq!(
+            (diagnosis.verdict, names(&diagnosis)),
+            (Verdict::Explained, vec!["coulomb_friction"]),
+            "{seed}: {}",
+            diagnosis.headline
+        );
+        assert!(diagnosis.warnings.iter().any(|w| w.contains("hardly show")), "{seed}: {:?}", diagnosis.warnings);
+    }
+}
