@@ -41,7 +41,7 @@ fn exchanged(bench: &Bench<'_>, search: &Search<'_>, mut selected: Selected) -> 
     if !selected.rivals.iter().flatten().any(|r| r.gap < reach) {
         return selected;
     }
-    let mut own = bench.with_leeway(search, &selected.state);
+    let mut known = None;
     let mut member = 0;
     let mut turns = selected.state.effects.len();
     while member < selected.rivals.len() && turns > 0 {
@@ -56,19 +56,22 @@ fn exchanged(bench: &Bench<'_>, search: &Search<'_>, mut selected: Selected) -> 
         // A rival was only fitted well enough to be ranked: what is left to its end counts on other data as much as a cause does.
         rivals.iter_mut().for_each(|r| ended(search, &selected, &mut r.state));
         let mut near: Vec<(f64, _)> = rivals.into_iter().map(|r| (bench.with_leeway(search, &r.state), r)).collect();
+        // Without a rival nobody asks.
+        let own = if near.is_empty() { 0.0 } else { *known.get_or_insert_with(|| bench.with_leeway(search, &selected.state)) };
         let least = near.iter().map(|(loss, _)| *loss).fold(f64::INFINITY, f64::min);
         // Among those that the held-out data hold for equal the library's order decides, as it does on the training data.
         let equals = (0..near.len()).filter(|i| !bench.decisive(least, near[*i].0));
         let best = equals.min_by_key(|i| near[*i].1.effect).filter(|_| bench.decisive(least, own));
         let better = best.is_some();
         if let Some((loss, rival)) = best.map(|i| near.remove(i)) {
-            (own, selected.state) = (loss, rival.state);
+            (known, selected.state) = (Some(loss), rival.state);
             near.iter_mut().for_each(|(_, r)| r.gap -= rival.gap);
             // The one that came in stands last.
             selected.rivals.remove(member);
             selected.rivals.push(Vec::new());
             member = selected.rivals.len() - 1;
         }
+        let own = known.unwrap_or(own);
         let open = near.into_iter().filter(|(loss, r)| near_enough(r) && !bench.decisive(own, *loss)).map(|(_, r)| r);
         selected.rivals[member] = if better { open.collect() } else { open.chain(same).collect() };
         member = if better { 0 } else { member + 1 };
