@@ -1,7 +1,7 @@
 //! From a finished search to what is said: findings, proof, verdict.
 
 use wheelwright_core::Dataset;
-use wheelwright_core::effect::{Confusion, Effect, Estimate, Scene};
+use wheelwright_core::effect::{Confusion, Effect, Estimate, Scene, Stage};
 
 use crate::adequacy;
 use crate::decide::{Weighed, decide};
@@ -399,10 +399,11 @@ pub(crate) fn always(a: &dyn Effect, b: &dyn Effect) -> Option<&'static Confusio
     confusion(a, b).filter(|c| c.because.starts_with(ALWAYS))
 }
 
-/// How much worse a rival may be in penalised evidence for these data to leave it so open: effects of one family differ by as much as the form of
-/// a law is inexact by, for no other reason.
+/// How much worse a rival may be in penalised evidence for these data to leave it so open: two frictions turn over near standstill each in its own
+/// way, and no model of them is exact there.
 pub(crate) fn reach(least: f64, found: &dyn Effect, rival: &dyn Effect, worth: f64) -> f64 {
-    if always(found, rival).is_some() || found.family() == rival.family() { least.max(SHARE * worth) } else { least }
+    let frictions = found.stage() == Stage::Load && found.family() == rival.family();
+    if always(found, rival).is_some() || frictions { least.max(SHARE * worth) } else { least }
 }
 
 /// Rivals near enough to be mentioned, each name once. What is the same under every drive differs by what nobody recorded before the first

@@ -174,7 +174,7 @@ impl<'a> Search<'a> {
             let freedom = self.freedom(&indices, &fit) - freedom;
             refined.push(Refined { effect, fit, freedom, score: gain - self.penalty(freedom) });
         }
-        let mut refined = self.distinct(&refined, &refined, field.explained - before);
+        let mut refined = self.distinct(&refined, &refined, before);
         refined.sort_by(|a, b| b.score.total_cmp(&a.score));
         // Among equals the library's order decides: the more common cause stands first.
         let best = refined.first().map_or(0.0, |r| r.score);
@@ -184,10 +184,10 @@ impl<'a> Search<'a> {
     }
 
     /// Those that are explanations of their own beside others: a law that explains hardly more than one that it contains is none, unless these
-    /// data would not show it, or no drive: then it stands behind. `offset` makes of a likelihood what the whole explains.
-    pub(crate) fn distinct(&self, refined: &[Refined], others: &[Refined], offset: f64) -> Vec<Refined> {
+    /// data would not show it, or no drive: then it stands behind. `before` is the likelihood of the model that they join.
+    pub(crate) fn distinct(&self, refined: &[Refined], others: &[Refined], before: f64) -> Vec<Refined> {
         let own = |wide: &Refined| {
-            let within = others.iter().filter(|narrow| self.no_more(wide, narrow, offset));
+            let within = others.iter().filter(|narrow| self.no_more(wide, narrow, before));
             let Some(narrow) = within.max_by(|a, b| a.score.total_cmp(&b.score)) else { return Some(wide.clone()) };
             let seen = wide.freedom > narrow.freedom + SEEN || self.narrower(wide).is_some();
             let same = always(self.effect(wide.effect), self.effect(narrow.effect)).is_some();
@@ -197,11 +197,11 @@ impl<'a> Search<'a> {
     }
 
     /// Whether a law explains hardly more than one that it contains: the form of a law is never exact.
-    pub(crate) fn no_more(&self, wide: &Refined, narrow: &Refined, offset: f64) -> bool {
+    pub(crate) fn no_more(&self, wide: &Refined, narrow: &Refined, before: f64) -> bool {
         let name = self.effect(narrow.effect).name();
         let [wider, likelihood] = [wide, narrow].map(|r| r.fit.likelihood(&self.setting));
         let contains = self.effect(wide.effect).contains().contains(&name) && wide.effect != narrow.effect;
-        self.narrower(wide) == Some(name) || (contains && wider - likelihood < SHARE * (likelihood + offset))
+        self.narrower(wide) == Some(name) || (contains && wider - likelihood < SHARE * (likelihood - before))
     }
 
     /// The name of the effect that a candidate is where a part of it does nothing.

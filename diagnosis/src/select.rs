@@ -400,10 +400,10 @@ impl<'a> Search<'a> {
             }
             let (rest, refined) = self.replacements(selected, member, first);
             let present = self.present(selected, &rest, member);
-            let offset = -selected.base.likelihood(&self.setting);
-            let refined = self.distinct(&refined, std::slice::from_ref(&present), offset);
+            let before = rest.fit.likelihood(&self.setting);
+            let refined = self.distinct(&refined, std::slice::from_ref(&present), before);
             let better = refined.first().filter(|b| b.score > present.score + EXCHANGE);
-            let simpler = || refined.iter().find(|candidate| self.no_more(&present, candidate, offset));
+            let simpler = || refined.iter().find(|candidate| self.no_more(&present, candidate, before));
             let better = better.or_else(simpler).filter(|_| exchanged < MOST);
             let replaced = better.and_then(|best| self.replaced(selected, &rest, best));
             exchanged += usize::from(replaced.is_some());
