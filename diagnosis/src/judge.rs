@@ -72,7 +72,10 @@ fn exchanged(bench: &Bench<'_>, search: &Search<'_>, mut selected: Selected) -> 
             member = selected.rivals.len() - 1;
         }
         let own = known.unwrap_or(own);
-        let open = near.into_iter().filter(|(loss, r)| near_enough(r) && !bench.decisive(own, *loss)).map(|(_, r)| r);
+        // What is the same under every drive stays beside it whatever these data say.
+        let came = selected.state.effects.last().filter(|_| better).map(|i| search.effect(*i));
+        let same_as_it = |r: &Rival| came.is_some_and(|came| always(came, search.effect(r.effect)).is_some());
+        let open = near.into_iter().filter(|(loss, r)| near_enough(r) && (same_as_it(r) || !bench.decisive(own, *loss))).map(|(_, r)| r);
         selected.rivals[member] = if better { open.collect() } else { open.chain(same).collect() };
         member = if better { 0 } else { member + 1 };
     }

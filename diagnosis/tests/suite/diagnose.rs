@@ -9,7 +9,7 @@ use wheelwright_diagnosis::effects::{
 };
 use wheelwright_diagnosis::{Diagnosis, DiagnosisError, Question, Verdict, diagnose};
 
-use crate::recorded::{THETA, TRACK, ask, averaged, library, model, names, noise_of, record, record_on, record_with};
+use crate::recorded::{Hidden, THETA, TRACK, ask, averaged, library, model, names, noise_of, record, record_on, record_with};
 
 #[test]
 fn nothing_is_named_where_nothing_is_hidden_white_or_coloured() {
@@ -192,12 +192,12 @@ fn a_search_that_had_its_share_ends_with_what_it_has_and_says_so() {
 fn rippled(mut data: Dataset, amplitude: f64, radius: f64, standing: f64, noise: &[Vec<f64>]) -> Dataset {
     let (h, s) = (0.5 * TRACK, &mut data.stretches[0]);
     let mut angle = standing;
-    for k in 0..s.time.len() {
+    for (k, (v, omega)) in noise[0].iter().zip(&noise[1]).enumerate() {
         let right = s.outputs[0][k] + h * s.outputs[1][k];
         angle += right * 0.05 / radius;
         let ripple = right * amplitude * angle.sin();
-        s.outputs[0][k] += 0.5 * ripple + noise[0][k];
-        s.outputs[1][k] += 0.5 * ripple / h + noise[1][k];
+        s.outputs[0][k] += 0.5 * ripple + v;
+        s.outputs[1][k] += 0.5 * ripple / h + omega;
     }
     data
 }
@@ -265,7 +265,7 @@ fn a_rise_of_friction_as_narrow_as_its_kink_is_none() {
 fn speeds_that_are_means_are_told_as_an_encoders() {
     let friction = CoulombFriction::default();
     // What makes means late may stand in the explanation as a delay, or hide in the model's own lag.
-    let cases: [(&[(&dyn Effect, &[f64])], bool, &[&str]); 2] =
+    let cases: [(&Hidden<'_>, bool, &[&str]); 2] =
         [(&[], true, &["encoder_quantisation"]), (&[(&friction, &[0.03, 1.0])], false, &["coulomb_friction", "encoder_quantisation"])];
     for (hidden, delays, told) in cases {
         let training = averaged(99, 1600, hidden);

@@ -12,6 +12,9 @@ use wheelwright_diagnosis::effects::{
 use wheelwright_diagnosis::{Diagnosis, Question, diagnose};
 use wheelwright_models::VwPdConfig;
 
+/// Effects with the values of their parameters.
+pub(crate) type Hidden<'a> = [(&'a dyn Effect, &'a [f64])];
+
 pub(crate) const THETA: [f64; 6] = [0.24, 0.18, -0.01, 1.02, 0.03, 1.05];
 pub(crate) const TRACK: f64 = 0.34;
 pub(crate) const NOISE: f64 = 0.01;
@@ -53,39 +56,24 @@ pub(crate) fn commands(random: &mut StdRng, rows: usize, reverses: bool) -> Stre
 }
 
 /// A recording of a model with effects, under noise that remembers `colour` of itself.
-pub(crate) fn record(seed: u64, rows: usize, reverses: bool, effects: &[(&dyn Effect, &[f64])], colour: f64) -> Dataset {
+pub(crate) fn record(seed: u64, rows: usize, reverses: bool, effects: &Hidden<'_>, colour: f64) -> Dataset {
     record_on(TRACK, seed, rows, reverses, effects, colour)
 }
 
 /// The same of a robot with another track width.
-pub(crate) fn record_on(track: f64, seed: u64, rows: usize, reverses: bool, effects: &[(&dyn Effect, &[f64])], colour: f64) -> Dataset {
+pub(crate) fn record_on(track: f64, seed: u64, rows: usize, reverses: bool, effects: &Hidden<'_>, colour: f64) -> Dataset {
     record_with(NOISE, track, seed, rows, reverses, effects, colour)
 }
 
 /// The same with noise of this size.
-pub(crate) fn record_with(
-    noise: f64,
-    track: f64,
-    seed: u64,
-    rows: usize,
-    reverses: bool,
-    effects: &[(&dyn Effect, &[f64])],
-    colour: f64,
-) -> Dataset {
+pub(crate) fn record_with(noise: f64, track: f64, seed: u64, rows: usize, reverses: bool, effects: &Hidden<'_>, colour: f64) -> Dataset {
     let mut random = StdRng::seed_from_u64(seed);
     let stretch = commands(&mut random, rows, reverses);
     driven(noise, track, &mut random, stretch, effects, colour)
 }
 
 /// What is recorded of a drive.
-pub(crate) fn driven(
-    noise: f64,
-    track: f64,
-    random: &mut StdRng,
-    stretch: Stretch,
-    effects: &[(&dyn Effect, &[f64])],
-    colour: f64,
-) -> Dataset {
+pub(crate) fn driven(noise: f64, track: f64, random: &mut StdRng, stretch: Stretch, effects: &Hidden<'_>, colour: f64) -> Dataset {
     let model = model();
     let mut data = Dataset { inputs: model.inputs().to_vec(), outputs: model.outputs().to_vec(), stretches: vec![stretch] };
     let scene = Scene::new(&data, &*model, track, None, None);
@@ -116,7 +104,7 @@ pub(crate) fn noise_of(seed: u64, rows: usize) -> Vec<Vec<f64>> {
 }
 
 /// A recording whose outputs are means over the interval.
-pub(crate) fn averaged(seed: u64, rows: usize, effects: &[(&dyn Effect, &[f64])]) -> Dataset {
+pub(crate) fn averaged(seed: u64, rows: usize, effects: &Hidden<'_>) -> Dataset {
     let mut data = record_with(0.0, TRACK, seed, rows, true, effects, 0.0);
     let model = model();
     let scene = Scene::new(&data, &*model, TRACK, None, None);

@@ -7,7 +7,7 @@ use wheelwright_core::{Dataset, Stretch};
 use wheelwright_diagnosis::effects::{CoulombFriction, CoulombFrictionOneWheel, DirectionAsymmetry, RollingResistance, Wheel};
 use wheelwright_diagnosis::{Diagnosis, Question, Verdict, diagnose};
 
-use crate::recorded::{NOISE, TRACK, driven, model, names, record};
+use crate::recorded::{Hidden, NOISE, TRACK, driven, model, names, record};
 
 fn among(library: &[Box<dyn Effect>], training: &Dataset, held_out: Option<&Dataset>) -> Diagnosis {
     let model = model();
@@ -40,7 +40,7 @@ fn a_wider_law_that_explains_hardly_more_is_no_other_explanation() {
 }
 
 /// Turns in which the inner wheel runs backwards, while the robot drives forwards or either way.
-fn turning(seed: u64, backwards: bool, effects: &[(&dyn Effect, &[f64])]) -> Dataset {
+fn turning(seed: u64, backwards: bool, effects: &Hidden<'_>) -> Dataset {
     let mut random = StdRng::seed_from_u64(seed);
     let (mut v, mut w) = (0.3, 0.0);
     let mut inputs = vec![Vec::new(), Vec::new()];
