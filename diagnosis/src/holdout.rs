@@ -37,13 +37,14 @@ impl Ground<'_> {
     /// Simulates every stretch from its measured first sample. What goes round stands where these data say that it stood at their start.
     pub(crate) fn prove(&self, explanation: &Explanation<'_>) -> Proof {
         let given = self.run(explanation);
-        if explanation.parts(self.scene).is_empty() {
+        let parts = explanation.parts(self.scene);
+        if parts.is_empty() {
             return given;
         }
         let scene = self.scene.followed(self.data, &given.simulated);
         let ground = Ground { scene: &scene, ..*self };
         let given = ground.run(explanation);
-        match ground.begun(explanation, &given) {
+        match ground.begun(explanation, &parts, &given) {
             Some(begun) => ground.run(&begun),
             None => given,
         }

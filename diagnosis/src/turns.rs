@@ -42,8 +42,7 @@ impl Explanation<'_> {
 impl Ground<'_> {
     /// An explanation with what goes round as these data show it: the ripple of every part and the same a quarter of a turn on are fitted to
     /// what is left without them, and only their angle is kept. `None` where they cannot tell it.
-    pub(crate) fn begun<'a>(&self, explanation: &Explanation<'a>, given: &Proof) -> Option<Explanation<'a>> {
-        let parts = explanation.parts(self.scene);
+    pub(crate) fn begun<'a>(&self, explanation: &Explanation<'a>, parts: &[Part], given: &Proof) -> Option<Explanation<'a>> {
         let flat = |series: &Series| DVector::from_vec(series.iter().flatten().flatten().copied().collect());
         let given = flat(&given.simulated);
         let run = |part: &Part, angle: f64| Some(flat(&self.run(&explanation.turned(self.scene, part, angle)?).simulated));

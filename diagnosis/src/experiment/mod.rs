@@ -77,9 +77,12 @@ pub fn design(rivals: &Rivals<'_>) -> Result<Option<Experiment>, ModelError> {
     let mut best: Option<Design> = None;
     for segments in SEGMENTS {
         while drive.len() < segments {
-            let with = |own: &Knowledge| objective(&known.with(own).separations(rivals));
-            let Some((segment, own)) = pool.iter().max_by(|a, b| with(&a.1).total_cmp(&with(&b.1))) else { return Ok(None) };
-            known = known.with(own);
+            let added = pool.iter().map(|(segment, own)| {
+                let together = known.with(own);
+                (objective(&together.separations(rivals)), segment, together)
+            });
+            let Some((_, segment, together)) = added.max_by(|a, b| a.0.total_cmp(&b.0)) else { return Ok(None) };
+            known = together;
             drive.push(segment);
         }
         let stretch = rendered(drive.iter().copied(), &envelope);
