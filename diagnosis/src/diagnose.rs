@@ -76,6 +76,7 @@ pub fn diagnose(question: &Question<'_>) -> Result<Diagnosis, DiagnosisError> {
     let mut story = other_readout(story, question, &data, scene, radii.as_ref(), &courses[2])?;
     story.selected = story.search.unjittered(story.selected, &story.responses);
     story.selected = judged(question, &story.search, story.selected, &story.responses);
+    story.selected = story.search.settled(story.selected);
     if story.search.setting.exhausted() {
         warnings.push(STOPPED.to_owned());
     }

@@ -441,6 +441,25 @@ impl<'a> Search<'a> {
         self.only(selected, rest)
     }
 
+    /// The selection without members that are worth nothing once all is fitted to the end: a place was contested under other noise, or with others beside it.
+    pub(crate) fn settled(&self, mut selected: Selected) -> Selected {
+        let mut member = self.fixed(&selected);
+        while selected.state.effects.len() > 1 && member < selected.state.effects.len() {
+            let rest = self.without(&selected, member).filter(|rest| self.worth(&selected, rest) <= 0.0);
+            match rest.and_then(|rest| self.only(&selected, &rest)) {
+                Some(fewer) => {
+                    let mut rivals = std::mem::take(&mut selected.rivals);
+                    if member < rivals.len() {
+                        rivals.remove(member);
+                    }
+                    selected = Selected { rivals, ..fewer };
+                }
+                None => member += 1,
+            }
+        }
+        selected
+    }
+
     /// The selection with fewer members, fitted to the end under the same noise.
     pub(crate) fn only(&self, selected: &Selected, rest: &State) -> Option<Selected> {
         let (whitening, fit) = self.under(&rest.effects, &rest.fit, &selected.whitening.noise, FINAL)?;
@@ -552,7 +571,35 @@ impl<'a> Search<'a> {
 
 #[cfg(test)]
 mod tests {
-    use super::related;
+    #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
+
+    use std::cell::OnceCell;
+
+    use wheelwright_core::ModelConfig;
+    use wheelwright_core::simulation::Readout;
+    use wheelwright_models::VwPdConfig;
+
+    use super::*;
+    use crate::diagnose::{Surroundings, setting, surroundings};
+    use crate::effects::{CoulombFriction, QuadraticDrag};
+    use crate::fixture::Case;
+    use crate::question::Question;
+
+    #[test]
+    fn a_member_that_is_worth_nothing_goes() {
+        let (model, case, course) = (VwPdConfig::default().build().unwrap(), Case::clean(5), OnceCell::new());
+        let library: Vec<Box<dyn Effect>> = vec![Box::new(CoulombFriction::default()), Box::new(QuadraticDrag::default())];
+        let question = Question::new(&*model, &case.data, &library);
+        let start = surroundings(setting(&question, &case.data, &case.scene, Readout::Instantaneous), &question, &course).unwrap();
+        let Surroundings { search, whitening, base, .. } = start;
+        let values = library.iter().flat_map(|effect| effect.starts(&case.scene).remove(0).values);
+        let point = Point { x: base.point.x.iter().copied().chain(values).collect(), starts: base.point.starts.clone() };
+        let (whitening, fit) = search.at(&[0, 1], point, &whitening.noise).unwrap();
+        let both = State { effects: vec![0, 1], fit };
+        let selected = Selected { state: both, whitening, base, rivals: vec![Vec::new(); 2], ranking: Vec::new() };
+        let settled = search.settled(selected);
+        assert_eq!((settled.state.effects.len(), settled.rivals.len()), (1, 1));
+    }
 
     #[test]
     fn a_family_is_related_to_its_parts_and_they_are_not_to_each_other() {
