@@ -71,8 +71,10 @@ pub(crate) fn tell(
     let Story { search, selected, responses, .. } = &story;
     let setting = &search.setting;
     let noise = &selected.whitening.noise;
-    let proof = Proven::new(question, search, selected);
-    let (findings, open) = findings(search, selected, &proof);
+    // The explanation without each of its members.
+    let rests: Vec<Option<State>> = (0..selected.state.effects.len()).map(|member| search.without(selected, member)).collect();
+    let proof = Proven::new(question, search, selected, &rests);
+    let (findings, open) = findings(search, selected, &rests, &proof);
     let (mut flags, location) = review(question, search, selected, &findings)?;
     flags.extend(search.effects(&selected.state.effects).iter().zip(&findings).filter_map(|(effect, finding)| beyond(*effect, finding)));
     if !findings.is_empty() {
@@ -228,7 +230,7 @@ struct Proven {
 }
 
 impl Proven {
-    fn new(question: &Question<'_>, search: &Search<'_>, selected: &Selected) -> Self {
+    fn new(question: &Question<'_>, search: &Search<'_>, selected: &Selected, rests: &[Option<State>]) -> Self {
         let setting = &search.setting;
         let base = State { effects: Vec::new(), fit: selected.base.clone() };
         let on = |data: &Dataset, scene: &Scene, state: &State| {
@@ -275,13 +277,12 @@ impl Proven {
         }
         made.foreign = foreign(left[1], training);
         made.waterfall = waterfall(search, selected, &before, &after, &|state| on(&shifted, &scene, state).fit);
-        for i in 0..made.gains.len() {
-            made.gains[i] = search.without(selected, i).map(|state| {
-                let without = on(&shifted, &scene, &state).fit;
-                let gains: Vec<f64> = after.fit.iter().zip(&without).map(|(a, b)| a - b).filter(|g| g.is_finite()).collect();
-                gains.iter().sum::<f64>() / gains.len().max(1) as f64
-            });
-        }
+        let gained = |rest: &State| {
+            let without = on(&shifted, &scene, rest).fit;
+            let gains: Vec<f64> = after.fit.iter().zip(&without).map(|(a, b)| a - b).filter(|g| g.is_finite()).collect();
+            gains.iter().sum::<f64>() / gains.len().max(1) as f64
+        };
+        made.gains = rests.iter().map(|rest| rest.as_ref().map(gained)).collect();
         made.held_out = Some(replay(held, &before, &after));
         let narx = question.yardstick.then(|| yardstick(question, held, &explanation(search, &base).theta)).flatten();
         made.fits = Fits { before: before.fit, after: after.fit, noise_ceiling: Some(ceiling), narx };
@@ -339,7 +340,7 @@ fn intervals(fit: &Fit, search: &Search<'_>) -> Vec<Option<f64>> {
 }
 
 /// Findings, and the explanations that could take that of the whole's place.
-fn findings(search: &Search<'_>, selected: &Selected, proof: &Proven) -> (Vec<Finding>, Vec<State>) {
+fn findings(search: &Search<'_>, selected: &Selected, rests: &[Option<State>], proof: &Proven) -> (Vec<Finding>, Vec<State>) {
     let mut open = Vec::new();
     let setting = &search.setting;
     let state = &selected.state;
@@ -360,10 +361,9 @@ fn findings(search: &Search<'_>, selected: &Selected, proof: &Proven) -> (Vec<Fi
             Estimate { value, ci95: halves[range.start + i].and_then(inside) }
         };
         let estimates: Vec<Estimate> = parameters.iter().enumerate().map(estimate).collect();
-        let rest = search.without(selected, member);
         let rivals = selected.rivals.get(member).map_or(&[][..], Vec::as_slice);
         let known = search.known.filter(|_| *index >= search.library.len()).map(|(_, evidence)| *evidence);
-        let delta_bic = known.unwrap_or_else(|| rest.as_ref().map_or(0.0, |rest| search.worth(selected, rest)));
+        let delta_bic = known.unwrap_or_else(|| rests[member].as_ref().map_or(0.0, |rest| search.worth(selected, rest)));
         all.push(Finding {
             name: effect.name().to_owned(),
             place: effect.stage().place(),

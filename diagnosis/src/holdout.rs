@@ -124,7 +124,7 @@ const FOREIGN: f64 = 3.0;
 /// Share of the excess that must go.
 const CLOSED: f64 = 0.5;
 /// Errors beyond this many standard deviations count by their size, not by its square: a few values far out are not motion.
-const HUBER: f64 = 2.0;
+pub(crate) const HUBER: f64 = 2.0;
 
 /// Mean loss of a free run's errors over all outputs, in units of the noise.
 pub(crate) fn loss(data: &Dataset, simulated: &Series, noise: &[f64]) -> f64 {

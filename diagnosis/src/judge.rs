@@ -11,7 +11,7 @@
 use wheelwright_core::Dataset;
 use wheelwright_core::effect::Scene;
 
-use crate::answer::{MENTIONED, always, explanation};
+use crate::answer::{MENTIONED, always, clocks, explanation, reach};
 use crate::holdout::{Ground, loss, shifted};
 use crate::leeway::{Moved, moved};
 use crate::noise::Noise;
@@ -37,8 +37,8 @@ pub(crate) fn judged(question: &Question<'_>, search: &Search<'_>, mut selected:
 fn exchanged(bench: &Bench<'_>, search: &Search<'_>, mut selected: Selected) -> Selected {
     // The form of a law is never exact: rivals differ by as much for no other reason.
     let explained = selected.gained(&search.setting, &selected.state.fit);
-    let reach = MENTIONED.max(SHARE * explained);
-    if !selected.rivals.iter().flatten().any(|r| r.gap < reach) {
+    let farthest = MENTIONED.max(SHARE * explained);
+    if !selected.rivals.iter().flatten().any(|r| r.gap < farthest) {
         return selected;
     }
     let mut known = None;
@@ -51,29 +51,33 @@ fn exchanged(bench: &Bench<'_>, search: &Search<'_>, mut selected: Selected) -> 
         // The same mathematics under every drive differs by what nobody recorded before the first sample.
         let (same, mut rivals): (Vec<_>, Vec<_>) = rivals.into_iter().partition(|r| always(found, search.effect(r.effect)).is_some());
         // What the training data hold for worse has to be better on other data as it stands.
-        let near_enough = |r: &Rival| r.gap < crate::answer::reach(MENTIONED, found, search.effect(r.effect), explained);
-        rivals.retain(|r| near_enough(r) || (r.gap < reach && bench.better(search, &r.state, &selected.state)));
+        let near_enough = |r: &Rival| r.gap < reach(MENTIONED, found, search.effect(r.effect), explained);
+        rivals.retain(|r| near_enough(r) || (r.gap < farthest && bench.better(search, &r.state, &selected.state)));
         // A rival was only fitted well enough to be ranked: what is left to its end counts on other data as much as a cause does.
         rivals.iter_mut().for_each(|r| ended(search, &selected, &mut r.state));
+        if rivals.is_empty() {
+            selected.rivals[member] = same;
+            member += 1;
+            continue;
+        }
         let mut near: Vec<(f64, _)> = rivals.into_iter().map(|r| (bench.with_leeway(search, &r.state), r)).collect();
-        // Without a rival nobody asks.
-        let own = if near.is_empty() { 0.0 } else { *known.get_or_insert_with(|| bench.with_leeway(search, &selected.state)) };
+        let mut own = *known.get_or_insert_with(|| bench.with_leeway(search, &selected.state));
         let least = near.iter().map(|(loss, _)| *loss).fold(f64::INFINITY, f64::min);
         // Among those that the held-out data hold for equal the library's order decides, as it does on the training data.
         let equals = (0..near.len()).filter(|i| !bench.decisive(least, near[*i].0));
         let best = equals.min_by_key(|i| near[*i].1.effect).filter(|_| bench.decisive(least, own));
         let better = best.is_some();
         if let Some((loss, rival)) = best.map(|i| near.remove(i)) {
-            (known, selected.state) = (Some(loss), rival.state);
+            (own, selected.state) = (loss, rival.state);
+            known = Some(own);
             near.iter_mut().for_each(|(_, r)| r.gap -= rival.gap);
             // The one that came in stands last.
             selected.rivals.remove(member);
             selected.rivals.push(Vec::new());
             member = selected.rivals.len() - 1;
         }
-        let own = known.unwrap_or(own);
         // What is the same under every drive stays beside it whatever these data say.
-        let came = selected.state.effects.last().filter(|_| better).map(|i| search.effect(*i));
+        let came = if better { selected.state.effects.last().map(|i| search.effect(*i)) } else { None };
         let same_as_it = |r: &Rival| came.is_some_and(|came| always(came, search.effect(r.effect)).is_some());
         let open = near.into_iter().filter(|(loss, r)| near_enough(r) && (same_as_it(r) || !bench.decisive(own, *loss))).map(|(_, r)| r);
         selected.rivals[member] = if better { open.collect() } else { open.chain(same).collect() };
@@ -130,7 +134,7 @@ impl<'q> Bench<'q> {
     /// The least of a loss on every clock that the held-out data may have.
     fn likeliest(&self, search: &Search<'_>, loss: impl Fn(&Dataset, &Scene) -> f64) -> f64 {
         let headings = self.question.held_out_headings.as_deref();
-        let clocks = crate::answer::clocks(self.question.training, self.held);
+        let clocks = clocks(self.question.training, self.held);
         let on = |by: &f64| {
             let moved = shifted(self.held, *by);
             loss(&moved, &search.setting.scene.like(&moved, headings))
@@ -152,7 +156,8 @@ impl<'q> Bench<'q> {
 
     /// Whether a state does decisively better than another, as they were fitted and with leeway.
     fn better(&self, search: &Search<'_>, less: &State, more: &State) -> bool {
-        [Self::loss, Self::with_leeway].iter().all(|loss| self.decisive(loss(self, search, less), loss(self, search, more)))
+        self.decisive(self.loss(search, less), self.loss(search, more))
+            && self.decisive(self.with_leeway(search, less), self.with_leeway(search, more))
     }
 
     /// Whether a loss is so much less than another that it is no chance.

@@ -17,6 +17,7 @@ use crate::fit::algebra::{factor, gram};
 use crate::fit::layout::Layout;
 use crate::fit::search::parts;
 use crate::fit::setting::{Runner, Setting};
+use crate::holdout::HUBER;
 use crate::noise::Noise;
 use crate::residuals::Series;
 use crate::select::{Search, State};
@@ -25,8 +26,6 @@ use crate::select::{Search, State};
 const STEPS: usize = 5;
 /// A step that promises less, in twice the log-likelihood, is the last.
 const LAST: f64 = 1.0;
-/// Errors beyond this many root mean squares count by their size only.
-const HUBER: f64 = 2.0;
 
 /// An explanation as other data would have it.
 pub(crate) struct Moved {

@@ -18,7 +18,6 @@ mod fixture;
 mod holdout;
 mod judge;
 mod leeway;
-
 pub mod locate;
 pub mod noise;
 mod question;

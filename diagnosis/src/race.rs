@@ -132,6 +132,11 @@ fn thinned<'s, 'a>(racing: Vec<Racing<'s, 'a>>, places: usize) -> Vec<Racing<'s,
     kept
 }
 
+/// Those that have a score of their own.
+pub(crate) fn distinct(refined: Vec<Refined>, scores: Vec<Option<f64>>) -> Vec<Refined> {
+    refined.into_iter().zip(scores).filter_map(|(r, score)| score.map(|score| Refined { score, ..r })).collect()
+}
+
 impl<'a> Search<'a> {
     /// The most promising effects, fitted jointly with the model they join; best first.
     ///
@@ -174,7 +179,8 @@ impl<'a> Search<'a> {
             let freedom = self.freedom(&indices, &fit) - freedom;
             refined.push(Refined { effect, fit, freedom, score: gain - self.penalty(freedom) });
         }
-        let mut refined = self.distinct(&refined, &refined, before);
+        let scores = self.scores(&refined, &refined, before);
+        let mut refined = distinct(refined, scores);
         refined.sort_by(|a, b| b.score.total_cmp(&a.score));
         // Among equals the library's order decides: the more common cause stands first.
         let best = refined.first().map_or(0.0, |r| r.score);
@@ -183,17 +189,17 @@ impl<'a> Search<'a> {
         refined
     }
 
-    /// Those that are explanations of their own beside others: a law that explains hardly more than one that it contains is none, unless these
-    /// data would not show it, or no drive: then it stands behind. `before` is the likelihood of the model that they join.
-    pub(crate) fn distinct(&self, refined: &[Refined], others: &[Refined], before: f64) -> Vec<Refined> {
+    /// The scores of those that are explanations of their own beside others: a law that explains hardly more than one that it contains is none,
+    /// unless these data would not show it, or no drive: then it stands behind. `before` is the likelihood of the model that they join.
+    pub(crate) fn scores(&self, refined: &[Refined], others: &[Refined], before: f64) -> Vec<Option<f64>> {
         let own = |wide: &Refined| {
             let within = others.iter().filter(|narrow| self.no_more(wide, narrow, before));
-            let Some(narrow) = within.max_by(|a, b| a.score.total_cmp(&b.score)) else { return Some(wide.clone()) };
+            let Some(narrow) = within.max_by(|a, b| a.score.total_cmp(&b.score)) else { return Some(wide.score) };
             let seen = wide.freedom > narrow.freedom + SEEN || self.narrower(wide).is_some();
             let same = always(self.effect(wide.effect), self.effect(narrow.effect)).is_some();
-            (same || !seen).then(|| Refined { score: wide.score.min(narrow.score - EXCHANGE), ..wide.clone() })
+            (same || !seen).then(|| wide.score.min(narrow.score - EXCHANGE))
         };
-        refined.iter().filter_map(own).collect()
+        refined.iter().map(own).collect()
     }
 
     /// Whether a law explains hardly more than one that it contains: the form of a law is never exact.

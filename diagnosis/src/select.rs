@@ -17,7 +17,7 @@ use crate::fit::setting::{Point, Runner, Setting};
 use crate::fit::whitening::Whitening;
 use crate::noise::Noise;
 use crate::question::DiagnosisError;
-use crate::race::{Field, Refined, even};
+use crate::race::{Field, Refined, distinct, even};
 use crate::screen::{Candidate, Current, Projected, Projection, Response, responses, responses_at};
 
 /// Most effects of one explanation.
@@ -401,7 +401,8 @@ impl<'a> Search<'a> {
             let (rest, refined) = self.replacements(selected, member, first);
             let present = self.present(selected, &rest, member);
             let before = rest.fit.likelihood(&self.setting);
-            let refined = self.distinct(&refined, std::slice::from_ref(&present), before);
+            let scores = self.scores(&refined, std::slice::from_ref(&present), before);
+            let refined = distinct(refined, scores);
             let better = refined.first().filter(|b| b.score > present.score + EXCHANGE);
             let simpler = || refined.iter().find(|candidate| self.no_more(&present, candidate, before));
             let better = better.or_else(simpler).filter(|_| exchanged < MOST);
@@ -424,7 +425,8 @@ impl<'a> Search<'a> {
     fn present(&self, selected: &Selected, rest: &State, member: usize) -> Refined {
         let fit = selected.state.fit.clone();
         let freedom = self.freedom(&selected.state.effects, &fit) - self.freedom(&rest.effects, &rest.fit);
-        Refined { effect: selected.state.effects[member], score: self.worth(selected, rest), fit, freedom }
+        let score = fit.likelihood(&self.setting) - rest.fit.likelihood(&self.setting) - self.penalty(freedom);
+        Refined { effect: selected.state.effects[member], fit, freedom, score }
     }
 
     /// The selection without a member that the others have made superfluous: what it adds to them is not worth its parameters, or only the

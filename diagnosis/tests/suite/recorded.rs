@@ -76,14 +76,7 @@ pub(crate) fn record_with(noise: f64, track: f64, seed: u64, rows: usize, revers
 pub(crate) fn driven(noise: f64, track: f64, random: &mut StdRng, stretch: Stretch, effects: &Hidden<'_>, colour: f64) -> Dataset {
     let model = model();
     let mut data = Dataset { inputs: model.inputs().to_vec(), outputs: model.outputs().to_vec(), stretches: vec![stretch] };
-    let scene = Scene::new(&data, &*model, track, None, None);
-    let list: Vec<&dyn Effect> = effects.iter().map(|e| e.0).collect();
-    let values: Vec<f64> = effects.iter().flat_map(|e| e.1.iter().copied()).collect();
-    let mut simulator = EffectSimulator::new(&*model, &THETA, &list, &scene).unwrap();
-    simulator.set(&THETA, &values).unwrap();
-    simulator.set_substeps(4);
-    let mut run = vec![Vec::new(); 2];
-    simulator.run(0, &data.stretches[0], &[0.0, 0.0], &mut run).unwrap();
+    let mut run = simulated(&data, track, effects, Readout::Instantaneous);
     for (i, series) in run.iter_mut().enumerate() {
         let mut e = 0.0;
         for x in series.iter_mut() {
@@ -96,6 +89,20 @@ pub(crate) fn driven(noise: f64, track: f64, random: &mut StdRng, stretch: Stret
     data
 }
 
+/// What a drive makes of the model with effects, from rest.
+fn simulated(data: &Dataset, track: f64, effects: &Hidden<'_>, readout: Readout) -> Vec<Vec<f64>> {
+    let model = model();
+    let scene = Scene::new(data, &*model, track, None, None);
+    let list: Vec<&dyn Effect> = effects.iter().map(|e| e.0).collect();
+    let values: Vec<f64> = effects.iter().flat_map(|e| e.1.iter().copied()).collect();
+    let mut simulator = EffectSimulator::new(&*model, &THETA, &list, &scene).unwrap().with_readout(readout);
+    simulator.set(&THETA, &values).unwrap();
+    simulator.set_substeps(4);
+    let mut run = vec![Vec::new(); 2];
+    simulator.run(0, &data.stretches[0], &[0.0, 0.0], &mut run).unwrap();
+    run
+}
+
 /// The noise of a recording.
 pub(crate) fn noise_of(seed: u64, rows: usize) -> Vec<Vec<f64>> {
     let [noisy, clean] = [NOISE, 0.0].map(|noise| record_with(noise, TRACK, seed, rows, true, &[], 0.0));
@@ -106,15 +113,7 @@ pub(crate) fn noise_of(seed: u64, rows: usize) -> Vec<Vec<f64>> {
 /// A recording whose outputs are means over the interval.
 pub(crate) fn averaged(seed: u64, rows: usize, effects: &Hidden<'_>) -> Dataset {
     let mut data = record_with(0.0, TRACK, seed, rows, true, effects, 0.0);
-    let model = model();
-    let scene = Scene::new(&data, &*model, TRACK, None, None);
-    let list: Vec<&dyn Effect> = effects.iter().map(|e| e.0).collect();
-    let values: Vec<f64> = effects.iter().flat_map(|e| e.1.iter().copied()).collect();
-    let mut simulator = EffectSimulator::new(&*model, &THETA, &list, &scene).unwrap().with_readout(Readout::IntervalMean);
-    simulator.set(&THETA, &values).unwrap();
-    simulator.set_substeps(4);
-    let mut run = vec![Vec::new(); 2];
-    simulator.run(0, &data.stretches[0], &[0.0, 0.0], &mut run).unwrap();
+    let mut run = simulated(&data, TRACK, effects, Readout::IntervalMean);
     run.iter_mut().zip(noise_of(seed, rows)).for_each(|(run, noise)| run.iter_mut().zip(noise).for_each(|(x, n)| *x += n));
     data.stretches[0].outputs = run;
     data
