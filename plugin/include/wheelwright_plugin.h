@@ -30,7 +30,7 @@ extern "C" {
 #endif
 
 /* Raised with every change of a structure or a rule; a host loads exactly its own version. */
-#define WW_ABI_VERSION 3u
+#define WW_ABI_VERSION 4u
 
 #if defined(_WIN32)
 #define WW_EXPORT __declspec(dllexport)
@@ -250,6 +250,15 @@ typedef struct ww_instant {
     uint32_t reserved;
 } ww_instant;
 
+/* What a drive effect sees of the motion. `inertia` and `drag`, inputs x outputs, are the inputs that a unit of each acceleration
+ * needs and that a unit of each output takes to be held; zeros where no drive effect acts. */
+typedef struct ww_motion {
+    const double *u; /* the command behind the command effects */
+    const double *outputs;
+    const double *inertia;
+    const double *drag;
+} ww_motion;
+
 /* A value with its 95 % interval; NAN where there is none. */
 typedef struct ww_estimate {
     double value;
@@ -281,12 +290,11 @@ typedef struct ww_effect {
     void (*command)(const void *prepared, const double *p, const ww_instant *at, const double *outputs, double *state, double *u);
     /* WW_LOAD: adds the input that is used up. */
     void (*load)(const void *prepared, const double *p, const ww_instant *at, const double *outputs, const double *state, double *load);
-    /* WW_DRIVE: changes the input that is left for acceleration. `inertia`, inputs x outputs, is the input that a unit of each
-     * acceleration needs. */
-    void (*drive)(const void *prepared, const double *p, const ww_instant *at, const double *u, const double *outputs,
-                  const double *inertia, const double *state, double *drive);
+    /* WW_DRIVE: changes the input that is left for acceleration. */
+    void (*drive)(const void *prepared, const double *p, const ww_instant *at, const ww_motion *motion, const double *state,
+                  double *drive);
     /* WW_LOAD and WW_DRIVE with state: lets `span` pass. */
-    void (*advance)(const void *prepared, const double *p, const ww_instant *at, const double *outputs, const double *drive,
+    void (*advance)(const void *prepared, const double *p, const ww_instant *at, const ww_motion *motion, const double *drive,
                     double *state);
     /* WW_READING and WW_SENSOR: changes the outputs that are recorded at a sample. */
     void (*measure)(const void *prepared, const double *p, const ww_instant *at, ww_past past, const void *host, double *state,
@@ -458,6 +466,7 @@ WW_LAYOUT(sizeof(ww_effect_info) == 40 && offsetof(ww_effect_info, stage) == 32)
 WW_LAYOUT(sizeof(ww_scene) == 128 && offsetof(ww_scene, n_inputs) == 40 && offsetof(ww_scene, frame) == 120);
 WW_LAYOUT(sizeof(ww_effect_parameter) == 64 && offsetof(ww_effect_parameter, neutral) == 56);
 WW_LAYOUT(sizeof(ww_start) == 24 && sizeof(ww_prepared_info) == 48 && offsetof(ww_prepared_info, n_states) == 40);
+WW_LAYOUT(sizeof(ww_motion) == 32 && offsetof(ww_motion, drag) == 24);
 WW_LAYOUT(sizeof(ww_stretch) == 56 && sizeof(ww_instant) == 40 && offsetof(ww_instant, stretch) == 24);
 WW_LAYOUT(sizeof(ww_estimate) == 24 && sizeof(ww_effect) == 128 && offsetof(ww_effect, command) == 72 &&
           offsetof(ww_effect, close) == 120);

@@ -7,7 +7,7 @@ use std::ffi::{c_char, c_void};
 use std::mem::{offset_of, size_of};
 
 /// Version of the interface; a library of another version is refused.
-pub const ABI_VERSION: u32 = 3;
+pub const ABI_VERSION: u32 = 4;
 
 /// Name of the one exported symbol.
 pub const SYMBOL: &str = "wheelwright_plugin";
@@ -366,6 +366,20 @@ pub struct Instant {
     pub reserved: u32,
 }
 
+/// What a drive effect sees of the motion.
+#[derive(Debug, Clone, Copy)]
+#[repr(C)]
+pub struct Motion {
+    /// Command behind the command effects, one for each input.
+    pub u: *const f64,
+    /// Outputs.
+    pub outputs: *const f64,
+    /// Inputs for a unit of each acceleration, row-major, inputs × outputs.
+    pub inertia: *const f64,
+    /// Inputs for a unit of each output, row-major, inputs × outputs.
+    pub drag: *const f64,
+}
+
 /// A value with its interval.
 #[derive(Debug, Clone, Copy)]
 #[repr(C)]
@@ -421,9 +435,7 @@ pub type Drive = unsafe extern "C" fn(
     prepared: *const c_void,
     p: *const f64,
     at: *const Instant,
-    u: *const f64,
-    outputs: *const f64,
-    inertia: *const f64,
+    motion: *const Motion,
     state: *const f64,
     drive: *mut f64,
 );
@@ -432,7 +444,7 @@ pub type Advance = unsafe extern "C" fn(
     prepared: *const c_void,
     p: *const f64,
     at: *const Instant,
-    outputs: *const f64,
+    motion: *const Motion,
     drive: *const f64,
     state: *mut f64,
 );
@@ -596,6 +608,7 @@ const _: () = {
     assert!(size_of::<Scene>() == 128 && offset_of!(Scene, n_inputs) == 40 && offset_of!(Scene, frame) == 120);
     assert!(size_of::<EffectParameter>() == 64 && offset_of!(EffectParameter, neutral) == 56);
     assert!(size_of::<Start>() == 24 && size_of::<PreparedInfo>() == 48 && offset_of!(PreparedInfo, n_states) == 40);
+    assert!(size_of::<Motion>() == 32 && offset_of!(Motion, drag) == 24);
     assert!(size_of::<Stretch>() == 56 && size_of::<Instant>() == 40 && offset_of!(Instant, stretch) == 24);
     assert!(size_of::<Estimate>() == 24 && size_of::<Effect>() == 128 && offset_of!(Effect, command) == 72);
     assert!(offset_of!(Effect, close) == 120);

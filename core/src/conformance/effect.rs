@@ -403,7 +403,7 @@ impl Trial<'_> {
             Instant { time: stretch.time[0], span: 0.0, row: 0, stretch, track: &scene.tracks[1], scene, readout: Readout::default() };
         let of = |columns: &[Vec<f64>], k: usize| columns.iter().map(|c| c[k]).collect::<Vec<f64>>();
         effect.begin(p, &begin, &of(&stretch.inputs, 0), &of(&stretch.outputs, 0), &mut state);
-        let inertia: Vec<f64> = (0..n * n).map(|i| if i % (n + 1) == 0 { 0.5 } else { 0.0 }).collect();
+        let [inertia, drag] = [0.5, 1.0].map(|x| (0..n * n).map(|i| if i % (n + 1) == 0 { x } else { 0.0 }).collect::<Vec<f64>>());
         let past = |time: f64, out: &mut [f64]| {
             let k = stretch.time.partition_point(|t| *t <= time).max(1) - 1;
             out.iter_mut().zip(&stretch.outputs).for_each(|(out, column)| *out = column[k]);
@@ -415,8 +415,9 @@ impl Trial<'_> {
             let (mut load, mut drive) = (vec![0.0; n], u.iter().zip(&x).map(|(u, x)| u - x).collect::<Vec<f64>>());
             effect.command(p, &at, &x, &mut state, &mut u);
             effect.load(p, &at, &x, &state, &mut load);
-            effect.drive(p, &at, &Motion { u: &u, outputs: &x, inertia: &inertia }, &state, &mut drive);
-            effect.advance(p, &at, &x, &drive, &mut state);
+            let motion = Motion { u: &u, outputs: &x, inertia: &inertia, drag: &drag };
+            effect.drive(p, &at, &motion, &state, &mut drive);
+            effect.advance(p, &at, &motion, &drive, &mut state);
             effect.measure(p, &at, &past, &mut state, &mut x);
             let switch = effect.next_switch(p, &at, &state);
             let results: [(&str, &[f64]); 5] = [("command", &u), ("load", &load), ("drive", &drive), ("measure", &x), ("a state", &state)];

@@ -161,7 +161,7 @@ pub struct Confusion {
     pub because: &'static str,
 }
 
-/// What a drive effect sees of the motion.
+/// What a drive effect sees of the motion. Without drive effects nobody asks for `inertia` and `drag`: they are zero then.
 #[derive(Debug, Clone, Copy)]
 pub struct Motion<'a> {
     /// The command behind the command effects.
@@ -170,6 +170,8 @@ pub struct Motion<'a> {
     pub outputs: &'a [f64],
     /// Inputs that one unit of acceleration of each output needs, row-major, inputs × outputs.
     pub inertia: &'a [f64],
+    /// Inputs that one unit of each output takes to be held, by the linear part of the model, row-major, inputs × outputs.
+    pub drag: &'a [f64],
 }
 
 /// Physics that a model leaves out. Plain data with its settings, picked by `type = "NAME"`, as a solver is.
@@ -281,10 +283,10 @@ pub trait Effect: Debug + Send + Sync {
     /// input channels.
     fn drive(&self, _p: &[f64], _at: &Instant<'_>, _motion: &Motion<'_>, _state: &[f64], _drive: &mut [f64]) {}
 
-    /// Loads and drive effects with state: lets `at.span` seconds pass up to `at.time`, at `outputs` and at the drive before any
+    /// Loads and drive effects with state: lets `at.span` seconds pass up to `at.time`, in a motion and at the drive before any
     /// drive effect. Called twice a step with equal spans: up to its middle with the drive of its start, and up to its end with the
     /// drive of its middle.
-    fn advance(&self, _p: &[f64], _at: &Instant<'_>, _outputs: &[f64], _drive: &[f64], _state: &mut [f64]) {}
+    fn advance(&self, _p: &[f64], _at: &Instant<'_>, _motion: &Motion<'_>, _drive: &[f64], _state: &mut [f64]) {}
 
     /// Loads and drive effects: whether they change what is recorded as well, by the hook of the sensors. Encoders at the motor
     /// count what happens before the wheel.

@@ -1,19 +1,24 @@
-//! Play in the gears: while a wheel's drive crosses the gap nothing arrives at the wheel.
+//! Play in the gears: while a motor crosses the gap nothing arrives at its wheel.
 //!
-//! The motor's side of the gap moves against the wheel's at a, the drive in terms of speed at the rim; z' = a while |z| < g/2. The
-//! drive arrives where z is at the end towards which it pushes, and the wheel coasts in between. The teeth take up the drive over the last
-//! tenth of the gap, in proportion, so that the moment of contact is no jump:
+//! Of what it takes to hold a speed, θ4 and θ6 for forward and angular motion, a share β is the drag of wheels and ground, `behind` the gap;
+//! the rest κ = (1 − β) θ is what loop and motor take. So a motor that moves nothing runs at the speed u/κ, u its command. Where its teeth
+//! touch the flank towards which it wants to go, the wheel keeps it back, and what the loop gives for that, u − κ s at the wheel's speed s,
+//! goes to the wheel: to its inertia and to whatever brakes the robot. In the gap, |z| < g/2 from flank to flank at the rim, the wheel
+//! gets nothing of it, and the motor runs ahead of it by z'. Its own inertia lets it come up in the time σ, `spin_up`:
 //!
-//! τ = min(1, max(0, (2 z sgn a/g − 0.8)/0.2)),   z' = a (1 − τ),   the drive becomes τ a.
+//! σ (z'' + s') = (u/κ − s) − z'.
 //!
-//! Encoders mostly sit at the motors. Then the recorded speed is the wheel's and z' on top: the motor runs ahead while it crosses the gap.
+//! Where it meets the other flank it gives its momentum away, κ σ z' in terms of the command; a wheel that coasts is without its motor's inertia.
+//!
+//! Encoders mostly sit at the motors. Then the recorded speed is the wheel's and z' on top.
 
 use serde::{Deserialize, Serialize};
 use wheelwright_core::Effect;
 use wheelwright_core::effect::{Confusion, EffectParameter, Estimate, Frame, Instant, Motion, Scene, Stage, Start};
 use wheelwright_core::simulation::Readout;
 
-use super::force;
+use super::force::{self, Loops};
+use super::root::root;
 use super::words::{quantity, scaled};
 
 /// Backlash at both wheels.
@@ -25,35 +30,31 @@ pub struct Backlash {
     pub at_motor: bool,
 }
 
-/// Share of half the gap over which the teeth take up the drive.
-const TEETH: f64 = 0.2;
+/// Numbers kept of each wheel.
+const EACH: usize = 6;
+/// Where among them those at the start of a step stand.
+const BEFORE: usize = 2;
+/// Where among them the speed stands at which the motor wanted to run ahead in the middle of a step.
+const WANTED: usize = 4;
+/// Where among them the acceleration of the wheel stands at the start of a step.
+const GAINING: usize = 5;
 /// Where in the state it says whether the middle of a step has been reached.
-const MIDDLE: usize = 4;
-/// Where in the state the motors' speeds against the wheels stand.
-const AHEAD: usize = 5;
+const MIDDLE: usize = 2 * EACH;
 /// Where in the state the places in the gaps at the last sample stand.
-const SAMPLED: usize = 7;
+const SAMPLED: usize = MIDDLE + 1;
 /// Gaps that are tried, as shares of half the track: 1 to 16 mm for a robot of 0.34 m.
-const GAPS: [f64; 8] = [0.006, 0.012, 0.02, 0.03, 0.044, 0.06, 0.08, 0.1];
+const GAPS: [f64; 6] = [0.006, 0.011, 0.019, 0.034, 0.06, 0.1];
 
-/// Metres at the rim for one unit of a wheel's drive and second.
-fn speed_of_drive(scene: &Scene) -> f64 {
-    match scene.frame {
-        Frame::Body { .. } => 1.0,
-        _ => scene.scales.speed / force::command(scene, 0),
-    }
-}
-
-/// Share of a drive that arrives, at a place in the gap from −1 to 1 towards which it pushes.
-fn taken_up(place: f64) -> f64 {
-    ((place - (1.0 - TEETH)) / TEETH).clamp(0.0, 1.0)
-}
-
-/// The same on average over a time from that place on: what the gap does not take arrives.
-fn taken_up_over(place: f64, rate: f64, span: f64) -> f64 {
-    let whole = rate * span;
-    if whole > 1e-9 { (1.0 - (across(place, rate, span) - place) / whole).clamp(0.0, 1.0) } else { taken_up(place) }
-}
+/// Shares of the drag that are tried as those behind the gap.
+const BEHIND: [f64; 3] = [0.01, 0.04, 0.15];
+/// How much of the drag is behind the gap on most robots: bearings and ground take little of what a loop does.
+const LITTLE: f64 = 0.1;
+/// Most of it that may be.
+const MOST: f64 = 0.95;
+/// Factors by which a gap, a time to come up to speed and a share of the drag beside those found are looked at as well.
+const BESIDE: [f64; 3] = [1.06, 1.5, 1.25];
+/// Motor's time to come up to speed, to begin with \[s\].
+const SPIN_UP: f64 = 0.01;
 
 #[typetag::serde(name = "backlash")]
 impl Effect for Backlash {
@@ -78,12 +79,25 @@ impl Effect for Backlash {
 
     fn parameters(&self, scene: &Scene) -> Vec<EffectParameter> {
         let h = scene.frame.half_track();
-        vec![EffectParameter::new("gap", "m", (0.0, 0.5 * h), 0.004 * h).neutral(0.0)]
+        let behind = EffectParameter::new("behind", "1", (0.0, MOST), 0.2 * LITTLE).usually(0.0, LITTLE);
+        let gap = EffectParameter::new("gap", "m", (0.0, 0.5 * h), 0.004 * h).neutral(0.0);
+        [gap, force::spin_up(), behind].into_iter().chain(force::turning_ratio(scene)).collect()
     }
 
     fn starts(&self, scene: &Scene) -> Vec<Start> {
         let h = scene.frame.half_track();
-        GAPS.map(|gap| Start { values: vec![gap * h], columns: vec![vec![0]], linear: false }).into()
+        let ratio = force::turning_ratio(scene).map(|_| 1.0);
+        let values = |gap: f64, behind: f64| [gap * h, SPIN_UP, behind].into_iter().chain(ratio).collect();
+        let start = |gap: f64, behind: f64| Start { values: values(gap, behind), columns: vec![vec![0]], linear: false };
+        GAPS.into_iter().flat_map(|gap| BEHIND.map(|behind| start(gap, behind))).collect()
+    }
+
+    /// When the teeth meet is a matter of chance for what lies a little beside the truth: there the likelihood has many maxima.
+    fn detours(&self, values: &[f64], _scene: &Scene) -> Vec<Vec<f64>> {
+        let other = |i: usize, factor: f64| (0..values.len()).map(|j| if i == j { factor * values[j] } else { values[j] }).collect();
+        let other = |(i, factor): (usize, f64)| -> Vec<f64> { other(i, factor) };
+        let within = |v: &Vec<f64>| v[2] <= MOST;
+        BESIDE.into_iter().enumerate().flat_map(|(i, by)| [(i, 1.0 / by), (i, by)]).map(other).filter(within).collect()
     }
 
     fn statement(&self, values: &[Estimate], scene: &Scene) -> String {
@@ -111,74 +125,201 @@ impl Effect for Backlash {
         ]
     }
 
-    /// Place in each wheel's gap, from −1 to 1; the places at the start of a step, and whether its middle has been reached; each motor's
-    /// speed against its wheel; the places at the last sample.
+    /// By wheel, the motor's place in its gap and its speed against the wheel, both at the start of a step, and the speed that it wants to have in
+    /// its middle; whether that has been reached; the places at the last sample.
     fn states(&self, _scene: &Scene) -> usize {
-        9
+        SAMPLED + 2
     }
 
     /// The gap is closed in the direction of the first command.
-    fn begin(&self, _p: &[f64], at: &Instant<'_>, inputs: &[f64], _outputs: &[f64], state: &mut [f64]) {
+    fn begin(&self, p: &[f64], at: &Instant<'_>, inputs: &[f64], _outputs: &[f64], state: &mut [f64]) {
         state.fill(0.0);
         let commands = at.scene.frame.wheels(inputs);
-        state.iter_mut().zip(commands).for_each(|(place, u)| *place = if u == 0.0 { 0.0 } else { u.signum() });
-        state.copy_within(0..2, SAMPLED);
-    }
-
-    fn drive(&self, p: &[f64], at: &Instant<'_>, _motion: &Motion<'_>, state: &[f64], drive: &mut [f64]) {
-        if p[0] <= 0.0 {
-            return;
-        }
-        let (frame, rim) = (&at.scene.frame, speed_of_drive(at.scene));
-        let mut drives = frame.wheels(drive);
-        for (side, drive) in drives.iter_mut().enumerate() {
-            let way = drive.signum();
-            let rate = 2.0 * rim * drive.abs() / p[0];
-            *drive *=
-                if state[MIDDLE] == 0.0 { taken_up(state[side] * way) } else { taken_up_over(state[2 + side] * way, rate, 2.0 * at.span) };
-        }
-        drive.copy_from_slice(&frame.from_wheels(drives));
-    }
-
-    fn advance(&self, p: &[f64], at: &Instant<'_>, _outputs: &[f64], drive: &[f64], state: &mut [f64]) {
-        if p[0] <= 0.0 {
-            return;
-        }
-        // The whole step at the drive of its middle: of second order, as the motion is.
-        let (from, span) = if state[MIDDLE] == 0.0 { (0, at.span) } else { (2, 2.0 * at.span) };
-        let rim = speed_of_drive(at.scene);
-        let drives = at.scene.frame.wheels(drive);
         for side in 0..2 {
-            let (start, way) = (state[from + side], drives[side].signum());
-            state[2 + side] = start;
-            state[side] = way * across(start * way, 2.0 * rim * drives[side].abs() / p[0], span);
-            state[AHEAD + side] = rim * drives[side] * (1.0 - taken_up(state[side] * way));
+            let place = if commands[side] == 0.0 { 0.0 } else { (0.5 * p[0]).copysign(commands[side]) };
+            (state[EACH * side], state[SAMPLED + side]) = (place, place);
         }
-        state[MIDDLE] = 1.0 - state[MIDDLE];
+    }
+
+    fn drive(&self, p: &[f64], at: &Instant<'_>, motion: &Motion<'_>, state: &[f64], drive: &mut [f64]) {
+        if p[0] <= 0.0 {
+            return;
+        }
+        let (loops, first) = (loops(p, &at.scene.frame, motion), state[MIDDLE] == 0.0);
+        let motors = motors(state, if first { 0 } else { BEFORE });
+        let wants = wants(&loops, motors, at, motion);
+        let given = [0, 1].map(|side| match first {
+            true => motors[side].gives(p, wants[side]),
+            false => {
+                let wheel = Wheel { acceleration: state[EACH * side + GAINING], yields: loops.yields(motion, side) };
+                motors[side].on(p, wants[side], wheel, 2.0 * at.span).1
+            }
+        });
+        drive.copy_from_slice(&loops.of_wheels(arriving(p, &loops, motors, wants, given, motion, drive)));
+    }
+
+    fn advance(&self, p: &[f64], at: &Instant<'_>, motion: &Motion<'_>, drive: &[f64], state: &mut [f64]) {
+        if p[0] <= 0.0 {
+            return;
+        }
+        let first = state[MIDDLE] == 0.0;
+        if first {
+            let (loops, motors) = (loops(p, &at.scene.frame, motion), motors(state, 0));
+            let wants = wants(&loops, motors, at, motion);
+            let given = [0, 1].map(|side| motors[side].gives(p, wants[side]));
+            let gaining = loops.accelerations(motion, arriving(p, &loops, motors, wants, given, motion, drive));
+            for (side, own) in state[..MIDDLE].chunks_exact_mut(EACH).enumerate() {
+                own.copy_within(..BEFORE, BEFORE);
+                (own[WANTED], own[GAINING]) = (wants[side], gaining[side]);
+            }
+        } else {
+            // The whole step at what was wanted in its middle: of second order, as the motion is.
+            for own in state[..MIDDLE].chunks_exact_mut(EACH) {
+                let wheel = Wheel { acceleration: own[GAINING], yields: 0.0 };
+                Motor::of(&own[BEFORE..]).on(p, own[WANTED], wheel, 2.0 * at.span).0.keep(own);
+            }
+        }
+        state[MIDDLE] = if first { 1.0 } else { 0.0 };
     }
 
     fn senses(&self) -> bool {
         self.at_motor
     }
 
-    fn measure(&self, p: &[f64], at: &Instant<'_>, _past: &dyn Fn(f64, &mut [f64]), state: &mut [f64], outputs: &mut [f64]) {
+    fn measure(&self, _p: &[f64], at: &Instant<'_>, _past: &dyn Fn(f64, &mut [f64]), state: &mut [f64], outputs: &mut [f64]) {
         let interval = at.interval();
-        let ahead = [0, 1].map(|side| match at.readout {
-            Readout::IntervalMean if interval > 0.0 => 0.5 * p[0] * (state[side] - state[SAMPLED + side]) / interval,
-            _ => state[AHEAD + side],
+        let ahead = [0, 1].map(|side| {
+            let motor = Motor::of(&state[EACH * side..]);
+            match at.readout {
+                Readout::IntervalMean if interval > 0.0 => (motor.place - state[SAMPLED + side]) / interval,
+                _ => motor.ahead,
+            }
         });
-        state.copy_within(0..2, SAMPLED);
+        (0..2).for_each(|side| state[SAMPLED + side] = state[EACH * side]);
         outputs.iter_mut().zip(at.scene.frame.from_wheels(ahead)).for_each(|(x, d)| *x += d);
     }
 }
 
-/// Where the drive's side of a gap is after a time at a rate: straight up to the teeth, then against what they take up.
-fn across(place: f64, rate: f64, span: f64) -> f64 {
-    let free = (1.0 - TEETH - place).max(0.0);
-    if rate * span <= free {
-        return place + rate * span;
+/// The loops of what is before the gap.
+fn loops(p: &[f64], frame: &Frame, motion: &Motion<'_>) -> Loops {
+    Loops::of(frame, motion, p.get(3), 1.0 - p[2])
+}
+
+/// Both motors, now or as they were at the start of the step.
+fn motors(state: &[f64], from: usize) -> [Motor; 2] {
+    [0, 1].map(|side| Motor::of(&state[EACH * side + from..]))
+}
+
+/// By how much each motor would run ahead of its wheel if it moved nothing else; not at all where nothing would hold it back.
+fn wants(loops: &Loops, motors: [Motor; 2], at: &Instant<'_>, motion: &Motion<'_>) -> [f64; 2] {
+    let (commands, held) = (loops.at_wheels(motion.u), loops.withdrawn(at.scene.frame.wheels(motion.outputs)));
+    let of = |i: usize| (commands[i] - held[i] - loops.cross[i] * motors[1 - i].ahead) / loops.own[i];
+    [0, 1].map(|i| if loops.hold() { of(i) } else { 0.0 })
+}
+
+/// The drives that the model has to be given at the wheels, by what they get of their motors.
+fn arriving(
+    p: &[f64],
+    loops: &Loops,
+    motors: [Motor; 2],
+    wants: [f64; 2],
+    given: [Given; 2],
+    motion: &Motion<'_>,
+    drive: &[f64],
+) -> [f64; 2] {
+    let drives = loops.at_wheels(drive);
+    let free = [0, 1].map(|side| loops.own[side] * (1.0 - given[side].pressed));
+    let left = [0, 1].map(|side| drives[side] - loops.cross[side] * motors[1 - side].ahead - free[side] * wants[side]);
+    // A wheel that coasts does not carry its motor along.
+    let moved = loops.lighter(motion, free.map(|free| free * p[1]), left);
+    [0, 1].map(|side| moved[side] + loops.own[side] * given[side].thrown)
+}
+
+/// What a wheel gets of its motor, in the mean over a time.
+#[derive(Debug, Clone, Copy)]
+struct Given {
+    /// Share of the time in which it is pressed against it, and gives what it can.
+    pressed: f64,
+    /// Speed \[m/s\] that it would have to want to run ahead at to give as much as by its momentum where they meet.
+    thrown: f64,
+}
+
+/// A wheel as its motor meets it.
+#[derive(Debug, Clone, Copy)]
+struct Wheel {
+    /// Its acceleration \[m/s²\] while it coasts.
+    acceleration: f64,
+    /// Its acceleration for a unit of speed at which the motor wants to run ahead \[1/s\].
+    yields: f64,
+}
+
+/// A motor against its wheel.
+#[derive(Debug, Clone, Copy)]
+struct Motor {
+    /// Place in the gap \[m\] at the rim, 0 in its middle.
+    place: f64,
+    /// Speed \[m/s\] at the rim.
+    ahead: f64,
+}
+
+impl Motor {
+    fn of(state: &[f64]) -> Self {
+        Self { place: state[0], ahead: state[1] }
     }
-    let rest = (rate * span - free) / TEETH;
-    let to_go = (1.0 - place).min(TEETH);
-    1.0 - to_go * (-rest).exp()
+
+    fn keep(self, state: &mut [f64]) {
+        (state[0], state[1]) = (self.place, self.ahead);
+    }
+
+    /// Whether its teeth touch the flank towards which it wants to go.
+    fn touches(self, wants: f64, gap: f64) -> bool {
+        self.place * wants.signum() >= 0.5 * gap
+    }
+
+    /// What it gives at this moment, if it wants to run ahead at a speed.
+    fn gives(self, p: &[f64], wants: f64) -> Given {
+        Given { thrown: 0.0, pressed: if self.touches(wants, p[0]) { 1.0 } else { 0.0 } }
+    }
+
+    /// The motor some time later that wants to run ahead at a speed, of a wheel that accelerates, and what the wheel gets in that time.
+    fn on(mut self, p: &[f64], wants: f64, wheel: Wheel, span: f64) -> (Self, Given) {
+        let (gap, spin_up) = (p[0], p[1]);
+        let flying = wants - spin_up * wheel.acceleration;
+        let (mut left, mut thrown) = (span, 0.0);
+        // It meets a flank and stays there, or is thrown against one and leaves it, perhaps for the other.
+        for _ in 0..3 {
+            if self.touches(wants, gap) {
+                self.ahead = 0.0;
+                return (self, Given { thrown: thrown / span, pressed: left / span });
+            }
+            let outside = |time: &f64| self.flown(flying, spin_up, *time).place.abs() > 0.5 * gap;
+            let Some(until) = [self.turns(flying, spin_up).min(left), left].into_iter().find(outside) else {
+                return (self.flown(flying, spin_up, left), Given { thrown: thrown / span, pressed: 0.0 });
+            };
+            let there = self.flown(flying, spin_up, until);
+            let flank = (0.5 * gap).copysign(there.place);
+            let missing = |t: f64| {
+                let then = self.flown(flying, spin_up, t);
+                ((then.place - flank) * flank.signum(), then.ahead * flank.signum())
+            };
+            let time = root((0.0, until), until * (flank - self.place) / (there.place - self.place), missing);
+            left -= time;
+            // The wheel is the faster for it, and so wants less from there on.
+            thrown += spin_up * self.flown(flying, spin_up, time).ahead * (1.0 - wheel.yields * left);
+            self = Self { place: flank, ahead: 0.0 };
+        }
+        (self, Given { thrown: thrown / span, pressed: 0.0 })
+    }
+
+    /// When it turns round on its way: at once if it does not.
+    fn turns(self, wants: f64, spin_up: f64) -> f64 {
+        if self.ahead * wants < 0.0 { spin_up * (1.0 - self.ahead / wants).ln() } else { 0.0 }
+    }
+
+    /// The motor on its way through the gap.
+    fn flown(self, wants: f64, spin_up: f64, time: f64) -> Self {
+        let gone = if spin_up > 0.0 { -(-time / spin_up).exp_m1() } else { 1.0 };
+        let change = wants - self.ahead;
+        Self { place: self.place + wants * time - spin_up * change * gone, ahead: self.ahead + change * gone }
+    }
 }

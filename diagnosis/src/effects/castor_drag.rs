@@ -15,7 +15,7 @@
 
 use serde::{Deserialize, Serialize};
 use wheelwright_core::Effect;
-use wheelwright_core::effect::{Confusion, EffectParameter, Estimate, Instant, Scene, Stage, Start};
+use wheelwright_core::effect::{Confusion, EffectParameter, Estimate, Instant, Motion, Scene, Stage, Start};
 
 use super::force;
 use super::words::{KINK, quantity, smooth_sign};
@@ -202,10 +202,11 @@ impl Effect for CastorDrag {
 
     /// δ' = A sin δ + B cos δ + C turns (cos δ/2, sin δ/2) by y' = M y/2 with M = [−A, B − C; B + C, A] and M² = (A² + B² − C²) I, at
     /// velocities in the middle of the span.
-    fn advance(&self, p: &[f64], at: &Instant<'_>, outputs: &[f64], _drive: &[f64], state: &mut [f64]) {
+    fn advance(&self, p: &[f64], at: &Instant<'_>, motion: &Motion<'_>, _drive: &[f64], state: &mut [f64]) {
         if self.kind == CastorKind::Ball {
             return;
         }
+        let outputs = motion.outputs;
         let middle = [0.5 * (state[2] + outputs[0]), 0.5 * (state[3] + outputs[1])];
         state[2..4].copy_from_slice(&outputs[..2]);
         let [v, w] = at.scene.frame.body(&middle);

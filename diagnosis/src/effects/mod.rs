@@ -54,6 +54,7 @@ mod payload_change;
 mod quadratic_drag;
 mod reading;
 mod rolling_resistance;
+mod root;
 mod sensor_delay;
 mod slew_limit;
 mod slope;

@@ -11,14 +11,19 @@
 //! the tyre creeps as a brush does (the same, section 3.2): where the share y of its contact sticks, a_max (1 − y³) is carried at the slip
 //! 3λ a_max (1 − y). a_max/g is the friction coefficient if the driven wheels carry all weight.
 //!
-//! A wheel has an inertia of its own, and comes up to the speed of its slip in a time: alone it would take `spin_up`, and the ground helps it
-//! where it hardly slips. The push that arrives lags by spin_up λ|s|/(1 + λ|s|).
+//! A wheel has an inertia of its own: alone it comes up in the time σ, `spin_up`, to what the robot takes θ1 for. With w the speed by which
+//! the rim runs ahead, κ what the loop withdraws for it and F what the ground carries,
+//!
+//! κ σ w' = a − κ w − F(w, s).
+//!
+//! For σ = 0 the rim is at once where the push and the ground have it.
 
 use serde::{Deserialize, Serialize};
 use wheelwright_core::Effect;
 use wheelwright_core::effect::{Confusion, EffectParameter, Estimate, Frame, Instant, Motion, Scene, Stage, Start};
 
-use super::force;
+use super::force::{self, Loops};
+use super::root::root;
 use super::words::{digits, quantity, scaled};
 
 /// What slips.
@@ -45,8 +50,6 @@ pub struct WheelSlip {
 const GRAVITY: f64 = 9.80665;
 /// Friction coefficient beyond which a ground holds whatever is asked of it.
 const BOUNDLESS: f64 = 100.0;
-/// Time in which a wheel and its motor alone come up to speed on most robots \[s\]: a part of what the whole robot takes.
-const SPIN_UP: f64 = 0.05;
 
 #[typetag::serde(name = "wheel_slip")]
 impl Effect for WheelSlip {
@@ -71,26 +74,27 @@ impl Effect for WheelSlip {
 
     fn parameters(&self, scene: &Scene) -> Vec<EffectParameter> {
         let speed = scene.scales.speed;
-        let spin_up = || EffectParameter::new("spin_up", "s", (0.0, 1.0), 0.4 * SPIN_UP).neutral(0.0).usually(0.0, SPIN_UP);
         let creep = || EffectParameter::new("creep", "s/m", (0.0, 100.0 / speed), 0.05 / speed).neutral(0.0);
         match self.law {
-            SlipLaw::Creep => vec![creep(), spin_up()],
+            SlipLaw::Creep => [creep(), force::spin_up()].into_iter().chain(force::turning_ratio(scene)).collect(),
             SlipLaw::Grip => {
                 let least = (0.02 * speed).min(GRAVITY);
                 let grip = EffectParameter::new("grip", "m/s2", (least, f64::INFINITY), 0.1 * speed).neutral(f64::INFINITY);
-                vec![grip, creep(), spin_up()]
+                [grip, creep(), force::spin_up()].into_iter().chain(force::turning_ratio(scene)).collect()
             }
         }
     }
 
     fn starts(&self, scene: &Scene) -> Vec<Start> {
         let speed = scene.scales.speed;
+        let ratio = force::turning_ratio(scene).map(|_| 1.0);
+        let with_ratio = |values: &[f64]| values.iter().copied().chain(ratio).collect();
         match self.law {
-            SlipLaw::Creep => vec![Start { values: vec![0.05 / speed, 0.0], columns: vec![vec![0]], linear: true }],
+            SlipLaw::Creep => vec![Start { values: with_ratio(&[0.05 / speed, 0.0]), columns: vec![vec![0]], linear: true }],
             SlipLaw::Grip => [8.0, 5.6, 4.0, 2.8, 2.0, 1.4, 1.0, 0.7, 0.5, 0.35]
                 .into_iter()
                 .map(|share| (share * speed).min(2.0 * GRAVITY))
-                .map(|grip| Start { values: vec![grip, 0.05 / speed, 0.0], columns: vec![vec![0], vec![1]], linear: false })
+                .map(|grip| Start { values: with_ratio(&[grip, 0.05 / speed, 0.0]), columns: vec![vec![0], vec![1]], linear: false })
                 .collect(),
         }
     }
@@ -149,66 +153,142 @@ impl Effect for WheelSlip {
         }
     }
 
-    /// By wheel, the push behind the wheel's spinning up: what it was, the wheel's own push then, and the share of a change since then that
-    /// arrives at once.
+    /// By wheel, the speed by which its rim runs ahead, the same at the start of a step, and the hub's speed in its middle; whether the middle
+    /// has been reached; how long the last step was.
     fn states(&self, _scene: &Scene) -> usize {
-        6
-    }
-
-    fn begin(&self, _p: &[f64], _at: &Instant<'_>, _inputs: &[f64], _outputs: &[f64], state: &mut [f64]) {
-        state.copy_from_slice(&[0.0, 0.0, 1.0, 0.0, 0.0, 1.0]);
+        STEP + 1
     }
 
     fn drive(&self, p: &[f64], at: &Instant<'_>, motion: &Motion<'_>, state: &[f64], drive: &mut [f64]) {
         let frame = &at.scene.frame;
-        let (pushes, speeds, needs) = (frame.wheels(drive), frame.wheels(motion.outputs), needs(frame, motion));
-        let unit = per_speed(at.scene);
-        let arriving = [0, 1].map(|i| {
-            let push = Push::of(spun(&state[3 * i..], pushes[i]), unit * speeds[i]);
-            match self.law {
-                SlipLaw::Creep => push.crept(p[0] / unit),
-                SlipLaw::Grip => push.gripped(p[0] * needs[i], p[1] / unit),
-            }
-        });
-        drive.copy_from_slice(&frame.from_wheels(arriving));
+        let (loops, speeds, first) = (self.loops(p, frame, motion), frame.wheels(motion.outputs), state[MIDDLE] == 0.0);
+        if !loops.hold() {
+            return;
+        }
+        let pushes = pushes(&loops, drive, state, if first { AHEAD } else { BEFORE });
+        let grounds = self.grounds(p, &loops, frame, motion);
+        let (from, span) = if first { (AHEAD, state[STEP]) } else { (BEFORE, 2.0 * at.span) };
+        let arriving = [0, 1].map(|i| grounds[i].after(state[EACH * i + from], pushes[i], speeds[i], span).1);
+        drive.copy_from_slice(&loops.of_wheels(arriving));
     }
 
-    fn advance(&self, p: &[f64], at: &Instant<'_>, outputs: &[f64], drive: &[f64], state: &mut [f64]) {
+    fn advance(&self, p: &[f64], at: &Instant<'_>, motion: &Motion<'_>, drive: &[f64], state: &mut [f64]) {
         let frame = &at.scene.frame;
-        let (pushes, speeds) = (frame.wheels(drive), frame.wheels(outputs));
-        let (creep, spin_up) = if self.law == SlipLaw::Creep { (p[0], p[1]) } else { (p[1], p[2]) };
-        for (i, own) in state.chunks_exact_mut(3).enumerate() {
-            let slip = creep * speeds[i].abs();
-            let spans = at.span * (1.0 + slip) / (spin_up * slip);
-            // Where the lag is nothing, nothing of it is left.
-            let (kept, at_once) = match (-spans).exp_m1() {
-                gone if spans < AGES => (1.0 + gone, 1.0 + gone / spans),
-                _ => (0.0, 1.0),
-            };
-            own[0] = pushes[i] + kept * (spun(own, pushes[i]) - pushes[i]);
-            own[1] = pushes[i];
-            own[2] = at_once;
+        let first = state[MIDDLE] == 0.0;
+        if first {
+            for (own, speed) in state[..MIDDLE].chunks_exact_mut(EACH).zip(frame.wheels(motion.outputs)) {
+                (own[BEFORE], own[HUB]) = (own[AHEAD], speed);
+            }
+        } else if self.loops(p, frame, motion).hold() {
+            // The whole step at the push and at the speed of its middle: of second order, as the motion is.
+            let loops = self.loops(p, frame, motion);
+            let (pushes, grounds) = (pushes(&loops, drive, state, BEFORE), self.grounds(p, &loops, frame, motion));
+            for (i, own) in state[..MIDDLE].chunks_exact_mut(EACH).enumerate() {
+                own[AHEAD] = grounds[i].after(own[BEFORE], pushes[i], own[HUB], 2.0 * at.span).0;
+            }
+            state[STEP] = 2.0 * at.span;
         }
+        state[MIDDLE] = if first { 1.0 } else { 0.0 };
+    }
+}
+
+/// Numbers kept of each wheel.
+const EACH: usize = 3;
+/// Where among them the speed stands by which its rim runs ahead.
+const AHEAD: usize = 0;
+/// Where that at the start of a step stands.
+const BEFORE: usize = 1;
+/// Where the hub's speed in the middle of a step stands.
+const HUB: usize = 2;
+/// Where in the state it says whether the middle of a step has been reached.
+const MIDDLE: usize = 2 * EACH;
+/// Where in the state the length of the last step stands.
+const STEP: usize = MIDDLE + 1;
+
+impl WheelSlip {
+    fn loops(&self, p: &[f64], frame: &Frame, motion: &Motion<'_>) -> Loops {
+        Loops::of(frame, motion, p.get(if self.law == SlipLaw::Creep { 2 } else { 3 }), 1.0)
+    }
+
+    /// What each wheel stands on.
+    fn grounds(&self, p: &[f64], loops: &Loops, frame: &Frame, motion: &Motion<'_>) -> [Ground; 2] {
+        let (needs, withdrawn) = (needs(frame, motion), loops.own);
+        [0, 1].map(|i| match self.law {
+            SlipLaw::Creep => Ground { most: f64::INFINITY, creep: p[0] / withdrawn[i], spin_up: p[1], withdrawn: withdrawn[i] },
+            SlipLaw::Grip => Ground { most: p[0] * needs[i], creep: p[1] / withdrawn[i], spin_up: p[2], withdrawn: withdrawn[i] },
+        })
+    }
+}
+
+/// What drives each wheel: the push less what its loop withdraws because the other one runs ahead.
+fn pushes(loops: &Loops, drive: &[f64], state: &[f64], from: usize) -> [f64; 2] {
+    let pushes = loops.at_wheels(drive);
+    [0, 1].map(|i| pushes[i] - loops.cross[i] * state[EACH * (1 - i) + from])
+}
+
+/// What a wheel stands on, and the wheel itself.
+#[derive(Debug, Clone, Copy)]
+struct Ground {
+    /// Most that it carries, in terms of the command.
+    most: f64,
+    /// Slip for a unit of what is carried, in terms of the command.
+    creep: f64,
+    /// Time in which the wheel alone comes up to speed \[s\].
+    spin_up: f64,
+    /// Command that its loop withdraws for a unit of speed.
+    withdrawn: f64,
+}
+
+impl Ground {
+    /// What arrives of a push in the end, at a speed of the hub.
+    fn settled(self, push: f64, speed: f64) -> f64 {
+        let push = Push::of(push, self.withdrawn * speed);
+        if self.most.is_finite() { push.gripped(self.most, self.creep) } else { push.crept(self.creep) }
+    }
+
+    /// What is carried where the rim runs ahead by a speed.
+    fn carries(self, ahead: f64, speed: f64) -> f64 {
+        let faster = speed.abs().max((speed + ahead).abs());
+        // What the contact would carry if all of it stuck.
+        let whole = ahead / (self.creep * faster);
+        let part = whole / (3.0 * self.most);
+        match part.abs() {
+            _ if ahead == 0.0 => 0.0,
+            part if part >= 1.0 => self.most.copysign(ahead),
+            part => whole * (1.0 - part + part * part / 3.0),
+        }
+    }
+
+    /// By how much the rim runs ahead some time later under a push, and what is carried in the mean: on the straight line between what the
+    /// ground carries now and in the end.
+    fn after(self, ahead: f64, push: f64, speed: f64, span: f64) -> (f64, f64) {
+        if span <= 0.0 {
+            return (ahead, self.settled(push, speed));
+        }
+        let carried = self.settled(push, speed);
+        let end = (push - carried) / self.withdrawn;
+        let gone = end - ahead;
+        // Where the two are one but for rounding, their difference says nothing.
+        let stiffness = ((carried - self.carries(ahead, speed)) / gone).max(0.0);
+        let rate = (1.0 + stiffness / self.withdrawn) / self.spin_up;
+        if rate * span >= AGES {
+            // Where the lag is nothing, nothing of it is left.
+            return (end, carried - self.withdrawn * self.spin_up * gone / span);
+        }
+        let left = (-rate * span).exp();
+        let now = end - gone * left;
+        let mean = end - gone * (1.0 - left) / (rate * span);
+        (now, push - self.withdrawn * (mean + self.spin_up * (now - ahead) / span))
     }
 }
 
 /// Spans of a lag after which no digit of it is left.
 const AGES: f64 = 40.0;
 
-/// The push behind a wheel's spinning up, if the wheel's own has changed evenly since the state was reckoned.
-fn spun(state: &[f64], push: f64) -> f64 {
-    state[0] + state[2] * (push - state[1])
-}
-
 /// What one unit of forward acceleration takes at each wheel.
 fn needs(frame: &Frame, motion: &Motion<'_>) -> [f64; 2] {
     let i = motion.inertia;
     if matches!(frame, Frame::Body { .. }) { [i[0]; 2] } else { [i[0] + i[1], i[2] + i[3]] }
-}
-
-/// The command that a loop withdraws for each unit of speed that its wheel runs ahead: what the robot takes to hold a speed.
-fn per_speed(scene: &Scene) -> f64 {
-    scene.scales.command / scene.scales.speed
 }
 
 /// A wheel's push, and its hub's speed along it, both as commands.
@@ -268,32 +348,6 @@ impl Push {
 
 /// Limit, in terms of the push, beyond which a brush is no other tyre than one without a limit.
 const STICKS: f64 = 1e4;
-/// Most steps to a root: halving alone needs no more.
-const STEPS: usize = 60;
-/// A step of Newton's that is this small is the last: what it leaves is its square.
-const LAST: f64 = 1e-10;
-
-/// The root of a function that is negative at the lower end of a bracket and positive at the upper, given with its slope: by Newton's steps,
-/// and by halving where they leave the bracket.
-fn root(bracket: (f64, f64), first: f64, mut function: impl FnMut(f64) -> (f64, f64)) -> f64 {
-    let ((mut low, mut high), mut x) = (bracket, first);
-    for _ in 0..STEPS {
-        let (value, slope) = function(x);
-        if value < 0.0 {
-            low = x
-        } else {
-            high = x
-        }
-        let newton = x - value / slope;
-        // Beside the root rounding takes a step out of a bracket that ends there, and halving would begin anew.
-        if (newton - x).abs() <= LAST {
-            return newton.clamp(low, high);
-        }
-        x = if newton > low && newton < high { newton } else { 0.5 * (low + high) };
-    }
-    x
-}
-
 /// The root y of y³ + 3 p y = c for p ≥ 0, and 0 where it is negative. Cardano's u − p/u, written so that no digits cancel.
 fn stuck(p: f64, c: f64) -> f64 {
     if c <= 0.0 {

@@ -427,13 +427,23 @@ unsafe extern "C" fn load(
     }
 }
 
+/// The motion that the host tells, of n inputs and m outputs.
+///
+/// # Safety
+/// `motion` is null or valid, with arrays of these lengths, as long as the call lasts.
+unsafe fn seen<'a>(motion: *const abi::Motion, n: usize, m: usize) -> Option<Motion<'a>> {
+    // SAFETY: as the caller promises.
+    unsafe {
+        let abi::Motion { u, outputs, inertia, drag } = *motion.as_ref()?;
+        Some(Motion { u: slice(u, n), outputs: slice(outputs, m), inertia: slice(inertia, n * m), drag: slice(drag, n * m) })
+    }
+}
+
 unsafe extern "C" fn drive(
     prepared: *const c_void,
     p: *const f64,
     at: *const abi::Instant,
-    u: *const f64,
-    outputs: *const f64,
-    inertia: *const f64,
+    motion: *const abi::Motion,
     state: *const f64,
     drive: *mut f64,
 ) {
@@ -442,8 +452,7 @@ unsafe extern "C" fn drive(
         let (n, m, own) = sizes(prepared);
         hook(slice_mut(drive, n), |drive| {
             let call = Call::new(prepared, p, at, state)?;
-            let motion = Motion { u: slice(u, n), outputs: slice(outputs, m), inertia: slice(inertia, n * m) };
-            call.prepared.effect.drive(call.p, &call.at(), &motion, slice(state, own), drive);
+            call.prepared.effect.drive(call.p, &call.at(), &seen(motion, n, m)?, slice(state, own), drive);
             Some(())
         });
     }
@@ -453,7 +462,7 @@ unsafe extern "C" fn advance(
     prepared: *const c_void,
     p: *const f64,
     at: *const abi::Instant,
-    outputs: *const f64,
+    motion: *const abi::Motion,
     drive: *const f64,
     state: *mut f64,
 ) {
@@ -462,7 +471,7 @@ unsafe extern "C" fn advance(
         let (n, m, own) = sizes(prepared);
         hook(slice_mut(state, own), |changed| {
             let call = Call::new(prepared, p, at, state)?;
-            call.prepared.effect.advance(call.p, &call.at(), slice(outputs, m), slice(drive, n), changed);
+            call.prepared.effect.advance(call.p, &call.at(), &seen(motion, n, m)?, slice(drive, n), changed);
             Some(())
         });
     }

@@ -540,19 +540,18 @@ impl Effect for LoadedEffect {
     fn drive(&self, p: &[f64], at: &Instant<'_>, motion: &Motion<'_>, state: &[f64], drive: &mut [f64]) {
         let Some(change) = self.handle.table.hooks.drive else { return };
         self.change(p, at, state.len(), drive, |prepared, now, drive| {
-            let Motion { u, outputs, inertia } = motion;
+            let motion = told(motion);
             // SAFETY: as in `begin`.
-            unsafe {
-                change(prepared.pointer, p.as_ptr(), now, u.as_ptr(), outputs.as_ptr(), inertia.as_ptr(), state.as_ptr(), drive);
-            }
+            unsafe { change(prepared.pointer, p.as_ptr(), now, &raw const motion, state.as_ptr(), drive) }
         });
     }
 
-    fn advance(&self, p: &[f64], at: &Instant<'_>, outputs: &[f64], drive: &[f64], state: &mut [f64]) {
+    fn advance(&self, p: &[f64], at: &Instant<'_>, motion: &Motion<'_>, drive: &[f64], state: &mut [f64]) {
         let Some(advance) = self.handle.table.hooks.advance else { return };
         self.change(p, at, state.len(), state, |prepared, now, state| {
+            let motion = told(motion);
             // SAFETY: as in `begin`.
-            unsafe { advance(prepared.pointer, p.as_ptr(), now, outputs.as_ptr(), drive.as_ptr(), state) }
+            unsafe { advance(prepared.pointer, p.as_ptr(), now, &raw const motion, drive.as_ptr(), state) }
         });
     }
 
@@ -570,4 +569,10 @@ impl Effect for LoadedEffect {
     }
 
     fn typetag_deserialize(&self) {}
+}
+
+/// A motion as a library is told of it.
+fn told(motion: &Motion<'_>) -> abi::Motion {
+    let Motion { u, outputs, inertia, drag } = motion;
+    abi::Motion { u: u.as_ptr(), outputs: outputs.as_ptr(), inertia: inertia.as_ptr(), drag: drag.as_ptr() }
 }

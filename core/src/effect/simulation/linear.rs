@@ -1,5 +1,8 @@
 //! What a step needs of a model's linear part: its weights, kept for the step lengths that recur, and what a unit of input does.
 
+use nalgebra::DMatrix;
+
+use crate::effect::Motion;
 use crate::model::{ModelError, RegressorModel};
 use crate::simulation::{Weights, lay_out, linear_part};
 
@@ -20,6 +23,8 @@ pub(super) struct Linear {
     /// ∂acceleration/∂input and its inverse, row-major.
     pub(super) mobility: Vec<f64>,
     pub(super) inertia: Vec<f64>,
+    /// Inputs that a unit of each output takes to be held.
+    drag: Vec<f64>,
     scratch: Weights,
     cache: Vec<StepWeights>,
     /// The one used last and the one replaced next.
@@ -43,6 +48,7 @@ impl Linear {
             part: vec![0.0; n * n],
             mobility: vec![0.0; n * inputs],
             inertia: vec![0.0; n * inputs],
+            drag: vec![0.0; n * inputs],
             scratch: Weights::new(n),
             cache: (0..CACHE).map(|_| StepWeights { step: f64::NAN, values: vec![0.0; 5 * n * n] }).collect(),
             used: 0,
@@ -75,9 +81,17 @@ impl Linear {
             input[j] = 0.0;
             (0..n).for_each(|i| self.mobility[i * m + j] = 0.5 * (up[i] - down[i]));
         }
-        let inverse = nalgebra::DMatrix::from_row_slice(n, n, &self.mobility).try_inverse().ok_or_else(singular)?;
+        let inverse = DMatrix::from_row_slice(n, n, &self.mobility).try_inverse().ok_or_else(singular)?;
+        let held = -(&inverse * DMatrix::from_row_slice(n, n, &self.matrix));
         self.inertia.iter_mut().enumerate().for_each(|(k, v)| *v = inverse[(k / n, k % n)]);
+        self.drag.iter_mut().enumerate().for_each(|(k, v)| *v = held[(k / n, k % n)]);
         Ok(())
+    }
+
+    /// What drive effects see of a motion.
+    #[inline(always)]
+    pub(super) fn motion<'m>(&'m self, u: &'m [f64], outputs: &'m [f64]) -> Motion<'m> {
+        Motion { u, outputs, inertia: &self.inertia, drag: &self.drag }
     }
 
     /// Has the weights of a step length ready for [`weights`](Self::weights).

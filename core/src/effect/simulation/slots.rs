@@ -127,9 +127,9 @@ impl<'a> Slots<'a> {
 
     /// States of loads and drive effects.
     #[inline(always)]
-    pub(super) fn advance(&self, at: &Instant<'_>, outputs: &[f64], drive: &[f64], state: &mut [f64]) {
+    pub(super) fn advance(&self, at: &Instant<'_>, motion: &Motion<'_>, drive: &[f64], state: &mut [f64]) {
         for slot in self.slots[self.loads.start..self.drives.end].iter().filter(|s| !s.states.is_empty()) {
-            slot.effect.advance(&slot.values, at, outputs, drive, &mut state[slot.states.clone()]);
+            slot.effect.advance(&slot.values, at, motion, drive, &mut state[slot.states.clone()]);
         }
     }
 

@@ -7,7 +7,7 @@ use super::linear::Linear;
 use super::slots::Slots;
 use super::{BEND, EffectSimulator, FINEST, MISSED, OVERFLOW, REFINEMENT};
 use crate::dataset::Stretch;
-use crate::effect::{Instant, Motion, Scene};
+use crate::effect::{Instant, Scene};
 use crate::model::{ModelError, RegressorModel};
 use crate::simulation::{Readout, row, square_row};
 
@@ -216,7 +216,7 @@ impl EffectSimulator<'_> {
             slots.command(&middle_at, mid, state, &mut b.u);
         }
         if slots.advancing {
-            slots.advance(&middle_at, mid, &b.work.given, state);
+            slots.advance(&middle_at, &linear.motion(&b.u, mid), &b.work.given, state);
         }
         right.accelerations::<N>(&middle_at, mid, &b.u, state, &mut b.work, nm)?;
         let mut bend: f64 = 0.0;
@@ -238,7 +238,7 @@ impl EffectSimulator<'_> {
             slots.command(&end, x, state, &mut b.u);
         }
         if slots.advancing {
-            slots.advance(&end, x, &b.work.given, state);
+            slots.advance(&end, &linear.motion(&b.u, x), &b.work.given, state);
         }
         if h * bend <= BEND {
             return Ok(0.0);
@@ -289,7 +289,7 @@ impl RightSide<'_, '_> {
             let Linear { inertia, mobility, .. } = self.linear;
             multiply(inertia, out, drive);
             given.copy_from_slice(drive);
-            self.slots.drive(at, &Motion { u, outputs: x, inertia }, state, drive);
+            self.slots.drive(at, &self.linear.motion(u, x), state, drive);
             multiply(mobility, drive, out);
         }
         Ok(())
