@@ -61,20 +61,19 @@ pub(crate) struct Means {
     pub(crate) instead: Option<String>,
 }
 
-/// Writes the answer.
+/// Writes the answer; `rests` is the explanation without each of its members.
 pub(crate) fn tell(
     question: &Question<'_>,
     story: Story<'_>,
+    rests: &[Option<State>],
     track: Option<Finding>,
     warnings: Vec<String>,
 ) -> Result<Diagnosis, DiagnosisError> {
     let Story { search, selected, responses, .. } = &story;
     let setting = &search.setting;
     let noise = &selected.whitening.noise;
-    // The explanation without each of its members.
-    let rests: Vec<Option<State>> = (0..selected.state.effects.len()).map(|member| search.without(selected, member)).collect();
-    let proof = Proven::new(question, search, selected, &rests);
-    let (findings, open) = findings(search, selected, &rests, &proof);
+    let proof = Proven::new(question, search, selected, rests);
+    let (findings, open) = findings(search, selected, rests, &proof);
     let (mut flags, location) = review(question, search, selected, &findings)?;
     flags.extend(search.effects(&selected.state.effects).iter().zip(&findings).filter_map(|(effect, finding)| beyond(*effect, finding)));
     if !findings.is_empty() {

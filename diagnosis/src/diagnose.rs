@@ -76,11 +76,12 @@ pub fn diagnose(question: &Question<'_>) -> Result<Diagnosis, DiagnosisError> {
     let mut story = other_readout(story, question, &data, scene, radii.as_ref(), &courses[2])?;
     story.selected = story.search.unjittered(story.selected, &story.responses);
     story.selected = judged(question, &story.search, story.selected, &story.responses);
-    story.selected = story.search.settled(story.selected);
+    let (selected, rests) = story.search.settled(story.selected);
+    story.selected = selected;
     if story.search.setting.exhausted() {
         warnings.push(STOPPED.to_owned());
     }
-    tell(question, story, track, warnings)
+    tell(question, story, &rests, track, warnings)
 }
 
 /// What is said where the track width is unknown: which one is taken.

@@ -443,23 +443,30 @@ impl<'a> Search<'a> {
         self.only(selected, rest)
     }
 
-    /// The selection without members that are worth nothing once all is fitted to the end: a place was contested under other noise, or with others beside it.
-    pub(crate) fn settled(&self, mut selected: Selected) -> Selected {
-        let mut member = self.fixed(&selected);
+    /// The selection without members that are worth nothing once all is fitted to the end: a place was contested under other noise, or with others beside
+    /// it. And what it is without each that stays.
+    pub(crate) fn settled(&self, mut selected: Selected) -> (Selected, Vec<Option<State>>) {
+        let (mut member, mut rests) = (self.fixed(&selected), self.rests(&selected));
         while selected.state.effects.len() > 1 && member < selected.state.effects.len() {
-            let rest = self.without(&selected, member).filter(|rest| self.worth(&selected, rest) <= 0.0);
-            match rest.and_then(|rest| self.only(&selected, &rest)) {
+            let rest = rests[member].as_ref().filter(|rest| self.worth(&selected, rest) <= 0.0);
+            match rest.and_then(|rest| self.only(&selected, rest)) {
                 Some(fewer) => {
                     let mut rivals = std::mem::take(&mut selected.rivals);
                     if member < rivals.len() {
                         rivals.remove(member);
                     }
                     selected = Selected { rivals, ..fewer };
+                    rests = self.rests(&selected);
                 }
                 None => member += 1,
             }
         }
-        selected
+        (selected, rests)
+    }
+
+    /// The model without each of its members.
+    fn rests(&self, selected: &Selected) -> Vec<Option<State>> {
+        (0..selected.state.effects.len()).map(|member| self.without(selected, member)).collect()
     }
 
     /// The selection with fewer members, fitted to the end under the same noise.
@@ -599,8 +606,8 @@ mod tests {
         let (whitening, fit) = search.at(&[0, 1], point, &whitening.noise).unwrap();
         let both = State { effects: vec![0, 1], fit };
         let selected = Selected { state: both, whitening, base, rivals: vec![Vec::new(); 2], ranking: Vec::new() };
-        let settled = search.settled(selected);
-        assert_eq!((settled.state.effects.len(), settled.rivals.len()), (1, 1));
+        let (settled, rests) = search.settled(selected);
+        assert_eq!((settled.state.effects.len(), settled.rivals.len(), rests.len()), (1, 1, 1));
     }
 
     #[test]

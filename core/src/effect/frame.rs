@@ -93,6 +93,17 @@ impl Frame {
         load[1] += pair[1];
     }
 
+    /// The loads at the wheels of a pair of loads; the inverse of [`add_at_wheels`](Self::add_at_wheels).
+    pub fn at_wheels(&self, pair: &[f64], rho: f64) -> [f64; 2] {
+        match *self {
+            Self::Body { half_track: h } => {
+                let (forward, turn) = (pair[0], h * pair[1] / rho);
+                [forward - turn, forward + turn]
+            }
+            _ => [pair[0], pair[1]],
+        }
+    }
+
     /// Adds loads on forward and angular motion.
     pub fn add_at_body(&self, axes: [f64; 2], load: &mut [f64]) {
         let pair = self.from_body(axes);
@@ -116,6 +127,9 @@ mod tests {
             }
             let ([left, right], [v, omega]) = (frame.wheels(&pair), frame.body(&pair));
             assert!((left - (v - 0.17 * omega)).abs() < 1e-15 && (right - (v + 0.17 * omega)).abs() < 1e-15);
+            let mut loads = [0.0; 2];
+            frame.add_at_wheels(frame.at_wheels(&pair, 1.7), 1.7, &mut loads);
+            assert!(loads.iter().zip(pair).all(|(a, b)| (a - b).abs() < 1e-15));
         }
     }
 }

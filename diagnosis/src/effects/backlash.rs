@@ -17,7 +17,8 @@ use wheelwright_core::Effect;
 use wheelwright_core::effect::{Confusion, EffectParameter, Estimate, Frame, Instant, Motion, Scene, Stage, Start};
 use wheelwright_core::simulation::Readout;
 
-use super::force::{self, Loops};
+use super::force;
+use super::loops::Loops;
 use super::root::root;
 use super::words::{quantity, scaled};
 
@@ -86,16 +87,18 @@ impl Effect for Backlash {
 
     fn starts(&self, scene: &Scene) -> Vec<Start> {
         let h = scene.frame.half_track();
-        let ratio = force::turning_ratio(scene).map(|_| 1.0);
-        let values = |gap: f64, behind: f64| [gap * h, SPIN_UP, behind].into_iter().chain(ratio).collect();
+        let values = |gap: f64, behind: f64| force::with_ratio(scene, &[gap * h, SPIN_UP, behind]);
         let start = |gap: f64, behind: f64| Start { values: values(gap, behind), columns: vec![vec![0]], linear: false };
         GAPS.into_iter().flat_map(|gap| BEHIND.map(|behind| start(gap, behind))).collect()
     }
 
     /// When the teeth meet is a matter of chance for what lies a little beside the truth: there the likelihood has many maxima.
     fn detours(&self, values: &[f64], _scene: &Scene) -> Vec<Vec<f64>> {
-        let other = |i: usize, factor: f64| (0..values.len()).map(|j| if i == j { factor * values[j] } else { values[j] }).collect();
-        let other = |(i, factor): (usize, f64)| -> Vec<f64> { other(i, factor) };
+        let other = |(i, factor): (usize, f64)| {
+            let mut other = values.to_vec();
+            other[i] *= factor;
+            other
+        };
         let within = |v: &Vec<f64>| v[2] <= MOST;
         BESIDE.into_iter().enumerate().flat_map(|(i, by)| [(i, 1.0 / by), (i, by)]).map(other).filter(within).collect()
     }
@@ -145,17 +148,15 @@ impl Effect for Backlash {
         if p[0] <= 0.0 {
             return;
         }
-        let (loops, first) = (loops(p, &at.scene.frame, motion), state[MIDDLE] == 0.0);
-        let motors = motors(state, if first { 0 } else { BEFORE });
-        let wants = wants(&loops, motors, at, motion);
-        let given = [0, 1].map(|side| match first {
-            true => motors[side].gives(p, wants[side]),
-            false => {
-                let wheel = Wheel { acceleration: state[EACH * side + GAINING], yields: loops.yields(motion, side) };
-                motors[side].on(p, wants[side], wheel, 2.0 * at.span).1
-            }
-        });
-        drive.copy_from_slice(&loops.of_wheels(arriving(p, &loops, motors, wants, given, motion, drive)));
+        let frame = &at.scene.frame;
+        let (moment, given) = if state[MIDDLE] == 0.0 {
+            let moment = Moment::new(p, frame, motion, state);
+            (moment, moment.at_once(p))
+        } else {
+            let moment = Moment::middle(p, frame, motion, state);
+            (moment, moment.over(p, motion, state, 2.0 * at.span))
+        };
+        drive.copy_from_slice(&moment.loops.of_wheels(moment.arriving(p, given, motion, drive)));
     }
 
     fn advance(&self, p: &[f64], at: &Instant<'_>, motion: &Motion<'_>, drive: &[f64], state: &mut [f64]) {
@@ -164,13 +165,11 @@ impl Effect for Backlash {
         }
         let first = state[MIDDLE] == 0.0;
         if first {
-            let (loops, motors) = (loops(p, &at.scene.frame, motion), motors(state, 0));
-            let wants = wants(&loops, motors, at, motion);
-            let given = [0, 1].map(|side| motors[side].gives(p, wants[side]));
-            let gaining = loops.accelerations(motion, arriving(p, &loops, motors, wants, given, motion, drive));
+            let moment = Moment::new(p, &at.scene.frame, motion, state);
+            let gaining = moment.loops.accelerations(motion, moment.arriving(p, moment.at_once(p), motion, drive));
             for (side, own) in state[..MIDDLE].chunks_exact_mut(EACH).enumerate() {
                 own.copy_within(..BEFORE, BEFORE);
-                (own[WANTED], own[GAINING]) = (wants[side], gaining[side]);
+                (own[WANTED], own[GAINING]) = (moment.wants[side], gaining[side]);
             }
         } else {
             // The whole step at what was wanted in its middle: of second order, as the motion is.
@@ -200,6 +199,57 @@ impl Effect for Backlash {
     }
 }
 
+/// Both motors at some moment of a step.
+#[derive(Debug, Clone, Copy)]
+struct Moment {
+    /// The loops of what is before the gap.
+    loops: Loops,
+    motors: [Motor; 2],
+    /// By how much each would run ahead of its wheel if it moved nothing else; not at all where nothing would hold it back.
+    wants: [f64; 2],
+}
+
+impl Moment {
+    /// As the motion has it.
+    fn new(p: &[f64], frame: &Frame, motion: &Motion<'_>, state: &[f64]) -> Self {
+        let (loops, motors) = (loops(p, frame, motion), motors(state, 0));
+        let (commands, held) = (loops.at_wheels(motion.u), loops.withdrawn(motion.outputs));
+        let of = |i: usize| (commands[i] - held[i] - loops.cross[i] * motors[1 - i].ahead) / loops.own[i];
+        Self { loops, motors, wants: [0, 1].map(|i| if loops.hold() { of(i) } else { 0.0 }) }
+    }
+
+    /// At the start of a step with what is wanted in its middle, which is known by then.
+    fn middle(p: &[f64], frame: &Frame, motion: &Motion<'_>, state: &[f64]) -> Self {
+        let wants = [0, 1].map(|side| state[EACH * side + WANTED]);
+        Self { loops: loops(p, frame, motion), motors: motors(state, BEFORE), wants }
+    }
+
+    /// What the wheels get at this moment.
+    fn at_once(&self, p: &[f64]) -> [Given; 2] {
+        let pressed = |side: usize| if self.motors[side].touches(self.wants[side], p[0]) { 1.0 } else { 0.0 };
+        [0, 1].map(|side| Given { thrown: 0.0, pressed: pressed(side) })
+    }
+
+    /// What they get over a time from here on.
+    fn over(&self, p: &[f64], motion: &Motion<'_>, state: &[f64], span: f64) -> [Given; 2] {
+        [0, 1].map(|side| {
+            let wheel = Wheel { acceleration: state[EACH * side + GAINING], yields: self.loops.yields(motion, side) };
+            self.motors[side].on(p, self.wants[side], wheel, span).1
+        })
+    }
+
+    /// The drives that the model has to be given at the wheels, by what they get of their motors.
+    fn arriving(&self, p: &[f64], given: [Given; 2], motion: &Motion<'_>, drive: &[f64]) -> [f64; 2] {
+        let Self { loops, motors, wants } = self;
+        let drives = loops.at_wheels(drive);
+        let free = [0, 1].map(|side| loops.own[side] * (1.0 - given[side].pressed));
+        let left = [0, 1].map(|side| drives[side] - loops.cross[side] * motors[1 - side].ahead - free[side] * wants[side]);
+        // A wheel that coasts does not carry its motor along.
+        let moved = loops.lighter(motion, free.map(|free| free * p[1]), left);
+        [0, 1].map(|side| moved[side] + loops.own[side] * given[side].thrown)
+    }
+}
+
 /// The loops of what is before the gap.
 fn loops(p: &[f64], frame: &Frame, motion: &Motion<'_>) -> Loops {
     Loops::of(frame, motion, p.get(3), 1.0 - p[2])
@@ -208,31 +258,6 @@ fn loops(p: &[f64], frame: &Frame, motion: &Motion<'_>) -> Loops {
 /// Both motors, now or as they were at the start of the step.
 fn motors(state: &[f64], from: usize) -> [Motor; 2] {
     [0, 1].map(|side| Motor::of(&state[EACH * side + from..]))
-}
-
-/// By how much each motor would run ahead of its wheel if it moved nothing else; not at all where nothing would hold it back.
-fn wants(loops: &Loops, motors: [Motor; 2], at: &Instant<'_>, motion: &Motion<'_>) -> [f64; 2] {
-    let (commands, held) = (loops.at_wheels(motion.u), loops.withdrawn(at.scene.frame.wheels(motion.outputs)));
-    let of = |i: usize| (commands[i] - held[i] - loops.cross[i] * motors[1 - i].ahead) / loops.own[i];
-    [0, 1].map(|i| if loops.hold() { of(i) } else { 0.0 })
-}
-
-/// The drives that the model has to be given at the wheels, by what they get of their motors.
-fn arriving(
-    p: &[f64],
-    loops: &Loops,
-    motors: [Motor; 2],
-    wants: [f64; 2],
-    given: [Given; 2],
-    motion: &Motion<'_>,
-    drive: &[f64],
-) -> [f64; 2] {
-    let drives = loops.at_wheels(drive);
-    let free = [0, 1].map(|side| loops.own[side] * (1.0 - given[side].pressed));
-    let left = [0, 1].map(|side| drives[side] - loops.cross[side] * motors[1 - side].ahead - free[side] * wants[side]);
-    // A wheel that coasts does not carry its motor along.
-    let moved = loops.lighter(motion, free.map(|free| free * p[1]), left);
-    [0, 1].map(|side| moved[side] + loops.own[side] * given[side].thrown)
 }
 
 /// What a wheel gets of its motor, in the mean over a time.
@@ -274,11 +299,6 @@ impl Motor {
     /// Whether its teeth touch the flank towards which it wants to go.
     fn touches(self, wants: f64, gap: f64) -> bool {
         self.place * wants.signum() >= 0.5 * gap
-    }
-
-    /// What it gives at this moment, if it wants to run ahead at a speed.
-    fn gives(self, p: &[f64], wants: f64) -> Given {
-        Given { thrown: 0.0, pressed: if self.touches(wants, p[0]) { 1.0 } else { 0.0 } }
     }
 
     /// The motor some time later that wants to run ahead at a speed, of a wheel that accelerates, and what the wheel gets in that time.

@@ -49,6 +49,7 @@ mod gain_asymmetry;
 mod integral_action;
 mod late;
 mod lateral_com_offset;
+mod loops;
 mod parts;
 mod payload_change;
 mod quadratic_drag;

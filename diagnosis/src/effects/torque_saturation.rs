@@ -115,11 +115,10 @@ impl Effect for TorqueSaturation {
         let excess = |value: f64, limit: f64| value - value.clamp(-limit.abs(), limit.abs());
         let frame = at.scene.frame;
         match frame {
-            Frame::Body { half_track: h } => {
+            Frame::Body { .. } => {
                 let rho = p[1];
-                let lack = |axis: usize| motion.u[axis] - (1.0 + p[2]) * motion.outputs[axis];
-                let (forward, turn) = (lack(0), h * lack(1) / rho);
-                let cut = [forward - turn, forward + turn].map(|lack| -excess(lack, p[0]));
+                let lack = [0, 1].map(|axis| motion.u[axis] - (1.0 + p[2]) * motion.outputs[axis]);
+                let cut = frame.at_wheels(&lack, rho).map(|lack| -excess(lack, p[0]));
                 frame.add_at_wheels(cut, rho, drive);
             }
             Frame::Sides { .. } => drive.iter_mut().for_each(|d| *d -= excess(*d, p[0])),

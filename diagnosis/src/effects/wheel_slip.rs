@@ -22,7 +22,8 @@ use serde::{Deserialize, Serialize};
 use wheelwright_core::Effect;
 use wheelwright_core::effect::{Confusion, EffectParameter, Estimate, Frame, Instant, Motion, Scene, Stage, Start};
 
-use super::force::{self, Loops};
+use super::force;
+use super::loops::Loops;
 use super::root::root;
 use super::words::{digits, quantity, scaled};
 
@@ -50,6 +51,21 @@ pub struct WheelSlip {
 const GRAVITY: f64 = 9.80665;
 /// Friction coefficient beyond which a ground holds whatever is asked of it.
 const BOUNDLESS: f64 = 100.0;
+
+/// Spans of a lag after which no digit of it is left.
+const AGES: f64 = 40.0;
+/// Numbers kept of each wheel.
+const EACH: usize = 3;
+/// Where among them the speed stands by which its rim runs ahead.
+const AHEAD: usize = 0;
+/// Where that at the start of a step stands.
+const BEFORE: usize = 1;
+/// Where the hub's speed in the middle of a step stands.
+const HUB: usize = 2;
+/// Where in the state it says whether the middle of a step has been reached.
+const MIDDLE: usize = 2 * EACH;
+/// Where in the state the length of the last step stands.
+const STEP: usize = MIDDLE + 1;
 
 #[typetag::serde(name = "wheel_slip")]
 impl Effect for WheelSlip {
@@ -87,8 +103,7 @@ impl Effect for WheelSlip {
 
     fn starts(&self, scene: &Scene) -> Vec<Start> {
         let speed = scene.scales.speed;
-        let ratio = force::turning_ratio(scene).map(|_| 1.0);
-        let with_ratio = |values: &[f64]| values.iter().copied().chain(ratio).collect();
+        let with_ratio = |values: &[f64]| force::with_ratio(scene, values);
         match self.law {
             SlipLaw::Creep => vec![Start { values: with_ratio(&[0.05 / speed, 0.0]), columns: vec![vec![0]], linear: true }],
             SlipLaw::Grip => [8.0, 5.6, 4.0, 2.8, 2.0, 1.4, 1.0, 0.7, 0.5, 0.35]
@@ -173,15 +188,17 @@ impl Effect for WheelSlip {
     }
 
     fn advance(&self, p: &[f64], at: &Instant<'_>, motion: &Motion<'_>, drive: &[f64], state: &mut [f64]) {
-        let frame = &at.scene.frame;
-        let first = state[MIDDLE] == 0.0;
+        let (frame, first) = (&at.scene.frame, state[MIDDLE] == 0.0);
+        let loops = self.loops(p, frame, motion);
+        if !loops.hold() {
+            return;
+        }
         if first {
             for (own, speed) in state[..MIDDLE].chunks_exact_mut(EACH).zip(frame.wheels(motion.outputs)) {
                 (own[BEFORE], own[HUB]) = (own[AHEAD], speed);
             }
-        } else if self.loops(p, frame, motion).hold() {
+        } else {
             // The whole step at the push and at the speed of its middle: of second order, as the motion is.
-            let loops = self.loops(p, frame, motion);
             let (pushes, grounds) = (pushes(&loops, drive, state, BEFORE), self.grounds(p, &loops, frame, motion));
             for (i, own) in state[..MIDDLE].chunks_exact_mut(EACH).enumerate() {
                 own[AHEAD] = grounds[i].after(own[BEFORE], pushes[i], own[HUB], 2.0 * at.span).0;
@@ -191,19 +208,6 @@ impl Effect for WheelSlip {
         state[MIDDLE] = if first { 1.0 } else { 0.0 };
     }
 }
-
-/// Numbers kept of each wheel.
-const EACH: usize = 3;
-/// Where among them the speed stands by which its rim runs ahead.
-const AHEAD: usize = 0;
-/// Where that at the start of a step stands.
-const BEFORE: usize = 1;
-/// Where the hub's speed in the middle of a step stands.
-const HUB: usize = 2;
-/// Where in the state it says whether the middle of a step has been reached.
-const MIDDLE: usize = 2 * EACH;
-/// Where in the state the length of the last step stands.
-const STEP: usize = MIDDLE + 1;
 
 impl WheelSlip {
     fn loops(&self, p: &[f64], frame: &Frame, motion: &Motion<'_>) -> Loops {
@@ -262,10 +266,10 @@ impl Ground {
     /// By how much the rim runs ahead some time later under a push, and what is carried in the mean: on the straight line between what the
     /// ground carries now and in the end.
     fn after(self, ahead: f64, push: f64, speed: f64, span: f64) -> (f64, f64) {
-        if span <= 0.0 {
-            return (ahead, self.settled(push, speed));
-        }
         let carried = self.settled(push, speed);
+        if span <= 0.0 {
+            return (ahead, carried);
+        }
         let end = (push - carried) / self.withdrawn;
         let gone = end - ahead;
         // Where the two are one but for rounding, their difference says nothing.
@@ -281,9 +285,6 @@ impl Ground {
         (now, push - self.withdrawn * (mean + self.spin_up * (now - ahead) / span))
     }
 }
-
-/// Spans of a lag after which no digit of it is left.
-const AGES: f64 = 40.0;
 
 /// What one unit of forward acceleration takes at each wheel.
 fn needs(frame: &Frame, motion: &Motion<'_>) -> [f64; 2] {
