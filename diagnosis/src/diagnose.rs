@@ -78,6 +78,7 @@ pub fn diagnose(question: &Question<'_>) -> Result<Diagnosis, DiagnosisError> {
     story.selected = judged(question, &story.search, story.selected, &story.responses);
     let (selected, rests) = story.search.settled(story.selected);
     story.selected = selected;
+    story.search.twinned(&mut story.selected, &rests);
     if story.search.setting.exhausted() {
         warnings.push(STOPPED.to_owned());
     }

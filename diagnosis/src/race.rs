@@ -8,7 +8,7 @@ use crate::fit::search::{Effort, Fit, OPTIMISM, OUT_OF_REACH, evaluate, linearis
 use crate::fit::setting::{COARSE_ERROR, Point, Runner};
 use crate::fit::whitening::Whitening;
 use crate::screen::{Candidate, Projection, Response};
-use crate::select::{EXCHANGE, SHARE, Search, State};
+use crate::select::{EXCHANGE, SHARE, Search, Selected, State};
 
 /// Effects that enter the race after screening. Of the 95 effects that came out first or within a toss of a coin of it, over 58 development
 /// cases of two engines, none had stood lower than tenth (loops aside, which always enter).
@@ -295,6 +295,24 @@ impl<'a> Search<'a> {
         }
         entered.extend(unbent);
         entered
+    }
+
+    /// An effect in the place of a member, from the best of its starts and from where the other unknowns are.
+    pub(crate) fn placed(&self, effect: usize, z: &[f64], selected: &Selected, rest: &State) -> Option<Refined> {
+        let whitening = &selected.whitening;
+        let indices: Vec<usize> = rest.effects.iter().copied().chain([effect]).collect();
+        let from = |start: Start| {
+            let point = Point { x: [z, &start.values[..]].concat(), starts: selected.state.fit.point.starts.clone() };
+            let mut runner = self.runner(&indices, &point)?;
+            Some((evaluate(&self.setting, &mut runner, whitening, &point)?, runner))
+        };
+        let likelihood = |fit: &Fit| fit.likelihood(&self.setting);
+        let starts = self.effect(effect).starts(self.setting.scene).into_iter().filter_map(from);
+        let (fit, mut runner) = starts.reduce(|a, b| if likelihood(&b.0) > likelihood(&a.0) { b } else { a })?;
+        let fit = maximise(&self.setting, &mut runner, whitening, fit, RANKING, false);
+        let freedom = self.freedom(&indices, &fit) - self.freedom(&rest.effects, &rest.fit);
+        let score = likelihood(&fit) - likelihood(&rest.fit) - self.penalty(freedom);
+        Some(Refined { effect, fit, freedom, score })
     }
 
     /// Looks at an effect's other values and goes on from the best of them as long as that leads anywhere.

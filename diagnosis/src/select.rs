@@ -8,6 +8,7 @@
 use wheelwright_core::effect::{Effect, EffectParameter, Stage};
 
 use crate::adequacy::unjittered;
+use crate::answer::always;
 use crate::diagnose::Known;
 use crate::fit::Fitted;
 use crate::fit::algebra::Directions;
@@ -464,6 +465,20 @@ impl<'a> Search<'a> {
         (selected, rests)
     }
 
+    /// Each member's rivals with those that are the same under every drive, which a race may have left behind.
+    pub(crate) fn twinned(&self, selected: &mut Selected, rests: &[Option<State>]) {
+        for (member, rest) in rests.iter().enumerate().skip(self.fixed(selected)) {
+            let Some(rest) = rest else { continue };
+            let found = selected.state.effects[member];
+            let known = |i: usize| selected.rivals[member].iter().any(|r| self.effect(r.effect).name() == self.effect(i).name());
+            let same = |i: &&usize| always(self.effect(found), self.effect(**i)).is_some() && self.joins(**i, &rest.effects) && !known(**i);
+            let z: Vec<f64> = self.unknowns(&selected.state, &|i| i != member).map(|j| selected.state.fit.point.x[j]).collect();
+            let twins: Vec<Refined> = self.open.iter().filter(same).filter_map(|i| self.placed(*i, &z, selected, rest)).collect();
+            let present = self.present(selected, rest, member).score;
+            selected.rivals[member].extend(self.beside(rest, &twins, found, present));
+        }
+    }
+
     /// The model without each of its members.
     fn rests(&self, selected: &Selected) -> Vec<Option<State>> {
         (0..selected.state.effects.len()).map(|member| self.without(selected, member)).collect()
@@ -590,24 +605,50 @@ mod tests {
 
     use super::*;
     use crate::diagnose::{Surroundings, setting, surroundings};
-    use crate::effects::{CoulombFriction, QuadraticDrag};
+    use crate::effects::{CommandDelay, CoulombFriction, QuadraticDrag, SensorDelay};
     use crate::fixture::Case;
     use crate::question::Question;
 
-    #[test]
-    fn a_member_that_is_worth_nothing_goes() {
-        let (model, case, course) = (VwPdConfig::default().build().unwrap(), Case::clean(5), OnceCell::new());
-        let library: Vec<Box<dyn Effect>> = vec![Box::new(CoulombFriction::default()), Box::new(QuadraticDrag::default())];
-        let question = Question::new(&*model, &case.data, &library);
+    /// Hands a test a search in which the first effects of a library were selected, and nothing is known of rivals.
+    fn with_selected(case: &Case, library: &[Box<dyn Effect>], members: usize, test: impl FnOnce(&Search<'_>, Selected)) {
+        let (model, course) = (VwPdConfig::default().build().unwrap(), OnceCell::new());
+        let question = Question::new(&*model, &case.data, library);
         let start = surroundings(setting(&question, &case.data, &case.scene, Readout::Instantaneous), &question, &course).unwrap();
         let Surroundings { search, whitening, base, .. } = start;
-        let values = library.iter().flat_map(|effect| effect.starts(&case.scene).remove(0).values);
+        let values = library[..members].iter().flat_map(|effect| effect.starts(&case.scene).remove(0).values);
         let point = Point { x: base.point.x.iter().copied().chain(values).collect(), starts: base.point.starts.clone() };
-        let (whitening, fit) = search.at(&[0, 1], point, &whitening.noise).unwrap();
-        let both = State { effects: vec![0, 1], fit };
-        let selected = Selected { state: both, whitening, base, rivals: vec![Vec::new(); 2], ranking: Vec::new() };
-        let (settled, rests) = search.settled(selected);
-        assert_eq!((settled.state.effects.len(), settled.rivals.len(), rests.len()), (1, 1, 1));
+        let effects: Vec<usize> = (0..members).collect();
+        let (whitening, fit) = search.at(&effects, point, &whitening.noise).unwrap();
+        let state = State { effects, fit };
+        test(&search, Selected { state, whitening, base, rivals: vec![Vec::new(); members], ranking: Vec::new() });
+    }
+
+    #[test]
+    fn a_member_that_is_worth_nothing_goes() {
+        let library: Vec<Box<dyn Effect>> = vec![Box::new(CoulombFriction::default()), Box::new(QuadraticDrag::default())];
+        with_selected(&Case::clean(5), &library, 2, |search, selected| {
+            let (settled, rests) = search.settled(selected);
+            assert_eq!((settled.state.effects.len(), settled.rivals.len(), rests.len()), (1, 1, 1));
+        });
+    }
+
+    #[test]
+    fn what_is_the_same_under_every_drive_is_a_rival_whatever_the_race_left() {
+        let mut case = Case::clean(6);
+        for stretch in &mut case.data.stretches {
+            stretch.outputs.iter_mut().for_each(|y| y.rotate_right(2));
+        }
+        let library: Vec<Box<dyn Effect>> =
+            vec![Box::new(SensorDelay::default()), Box::new(QuadraticDrag::default()), Box::new(CommandDelay::default())];
+        with_selected(&case, &library, 1, |search, selected| {
+            let (mut selected, rests) = search.settled(selected);
+            assert!((selected.state.fit.point.x[search.setting.free()] - 0.1).abs() < 0.005);
+            search.twinned(&mut selected, &rests);
+            let names: Vec<&str> = selected.rivals[0].iter().map(|r| search.effect(r.effect).name()).collect();
+            assert_eq!(names, ["command_delay"]);
+            let (gap, worth) = (selected.rivals[0][0].gap, search.worth(&selected, rests[0].as_ref().unwrap()));
+            assert!(gap.abs() < SHARE * worth, "{gap} of {worth}");
+        });
     }
 
     #[test]
