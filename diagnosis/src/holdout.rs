@@ -5,6 +5,7 @@ use wheelwright_core::model::RegressorModel;
 use wheelwright_core::simulation::Readout;
 use wheelwright_core::{Dataset, Stretch};
 
+use crate::adequacy::{Jitter, slope};
 use crate::residuals::Series;
 
 /// A model as it is simulated on other data.
@@ -126,16 +127,29 @@ const CLOSED: f64 = 0.5;
 /// Errors beyond this many standard deviations count by their size, not by its square: a few values far out are not motion.
 pub(crate) const HUBER: f64 = 2.0;
 
-/// Mean loss of a free run's errors over all outputs, in units of the noise.
-pub(crate) fn loss(data: &Dataset, simulated: &Series, noise: &[f64]) -> f64 {
+/// What the errors of a right model scatter by.
+#[derive(Debug, Clone)]
+pub(crate) struct Scatter {
+    /// Deviation of each output's noise.
+    pub(crate) noise: Vec<f64>,
+    /// Stamps that jitter make it louder where an output changes, and other driving changes more.
+    pub(crate) jitter: Option<Jitter>,
+}
+
+/// Mean loss of a free run's errors over all outputs, in units of what they scatter by.
+pub(crate) fn loss(data: &Dataset, simulated: &Series, scatter: &Scatter) -> f64 {
     let of = |x: f64| if x <= HUBER { x * x } else { HUBER * (2.0 * x - HUBER) };
     let mut sum = 0.0;
     for (stretch, run) in data.stretches.iter().zip(simulated) {
-        for ((measured, run), noise) in stretch.outputs.iter().zip(run).zip(noise) {
-            sum += measured.iter().zip(run).map(|(y, s)| of((y - s).abs() / noise)).sum::<f64>();
+        for ((measured, run), noise) in stretch.outputs.iter().zip(run).zip(&scatter.noise) {
+            let errors = measured.iter().zip(run).map(|(y, s)| (y - s).abs() / noise);
+            sum += match &scatter.jitter {
+                Some(jitter) => errors.zip(slope(&stretch.time, run)).map(|(x, d)| of(x / jitter.scatter(d, *noise))).sum::<f64>(),
+                None => errors.map(of).sum(),
+            };
         }
     }
-    sum / (data.samples() * noise.len()).max(1) as f64
+    sum / (data.samples() * scatter.noise.len()).max(1) as f64
 }
 
 /// Weighs losses on held-out data before and after against what the explanation leaves on the training data.
@@ -160,6 +174,7 @@ pub(crate) fn shifted(data: &Dataset, by: f64) -> Dataset {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::fixture::{Case, NOISE, normal};
 
     #[test]
     fn an_explanation_transfers_if_it_takes_the_excess_away_or_there_is_none() {
@@ -169,5 +184,15 @@ mod tests {
         assert_eq!(transfer(1.1, 1.6, 1.0), Transfer::Fails, "it has made one");
         assert_eq!(transfer(4.0, f64::INFINITY, 1.0), Transfer::Fails, "it diverges");
         assert!(foreign(6.0, 1.0) && !foreign(1.5, 1.0));
+    }
+    #[test]
+    fn stamps_that_jitter_scatter_more_where_more_changes() {
+        let jitter = Jitter { deviation: 0.03, error: 0.0, z: 0.0, still: 1.0 };
+        let case = Case::new(7, |_, i, y, slope, random| y + NOISE[i] * normal(random) + jitter.deviation * slope * normal(random));
+        let of = |jitter| loss(&case.data, &case.truth, &Scatter { noise: NOISE.to_vec(), jitter });
+        let calm = Case::clean(7);
+        let usual = loss(&calm.data, &calm.truth, &Scatter { noise: NOISE.to_vec(), jitter: None });
+        assert!(of(None) > 1.5 * usual, "{} for {usual}", of(None));
+        assert!((of(Some(jitter)) / usual - 1.0).abs() < 0.1, "{} for {usual}", of(Some(jitter)));
     }
 }

@@ -7,8 +7,9 @@
 
 use wheelwright_core::effect::{Effect, EffectParameter, Stage};
 
-use crate::adequacy::unjittered;
+use crate::adequacy::{Jitter, jittered};
 use crate::answer::always;
+use crate::comparison::Comparison;
 use crate::diagnose::Known;
 use crate::fit::Fitted;
 use crate::fit::algebra::Directions;
@@ -16,6 +17,7 @@ use crate::fit::base::renew;
 use crate::fit::search::{Effort, Fit, evaluate, left, maximise};
 use crate::fit::setting::{Point, Runner, Setting};
 use crate::fit::whitening::Whitening;
+use crate::holdout::Scatter;
 use crate::noise::Noise;
 use crate::question::DiagnosisError;
 use crate::race::{Field, Refined, distinct, even};
@@ -360,18 +362,29 @@ impl<'a> Search<'a> {
         selected.state.effects.iter().take_while(|i| **i >= self.library.len()).count()
     }
 
+    /// What the errors of a selection scatter by, on the data that it was fitted to.
+    pub(crate) fn scatter(&self, selected: &Selected) -> Scatter {
+        let jitter = self.jittered(selected, |jitter, _| jitter);
+        Scatter { noise: selected.whitening.noise.deviation.clone(), jitter }
+    }
+
+    fn jittered<T>(&self, selected: &Selected, ask: impl FnOnce(Jitter, &Comparison<'_>) -> T) -> Option<T> {
+        let Setting { data, scene, layout, .. } = &self.setting;
+        let simulated = &selected.state.fit.simulated;
+        let rest = layout.series(&left(&self.setting, simulated));
+        jittered(data, scene, &layout.series(simulated), rest, &selected.whitening.noise, ask)
+    }
+
     /// The selection, contested again under noise that is louder where the robot accelerates, if stamps jitter: there scatter makes evidence
     /// for whatever acts while the robot accelerates.
     pub(crate) fn unjittered(&self, selected: Selected, first: &[Response]) -> Selected {
-        let Setting { data, scene, layout, .. } = &self.setting;
         let Selected { state, whitening, .. } = &selected;
         if state.effects.len() == self.fixed(&selected) {
             return selected;
         }
+        let Some(factors) = self.jittered(&selected, |jitter, comparison| jitter.factors(comparison)) else { return selected };
         let residual = left(&self.setting, &state.fit.simulated);
-        let (run, rest) = (layout.series(&state.fit.simulated), layout.series(&residual));
-        let Some(factors) = unjittered(data, scene, &run, rest, &whitening.noise) else { return selected };
-        let noise = whitening.noise.evened(&residual, layout, &factors);
+        let noise = whitening.noise.evened(&residual, &self.setting.layout, &factors);
         let under = |effects: &[usize], fit: &Fit, effort| self.under(effects, fit, &noise, effort);
         let (Some((whitening, fit)), Some((_, base))) = (under(&state.effects, &state.fit, FINAL), under(&[], &selected.base, COMPARING))
         else {

@@ -26,6 +26,8 @@ pub struct Jitter {
     pub error: f64,
     /// Correlation of squared innovations and squared slope, in standard errors.
     pub z: f64,
+    /// Share of the noise's variance that is there where nothing changes.
+    pub still: f64,
 }
 
 pub(super) fn find(comparison: &Comparison<'_>) -> Option<Jitter> {
@@ -56,7 +58,7 @@ pub(super) fn find(comparison: &Comparison<'_>) -> Option<Jitter> {
     if combined < limit || z.iter().any(|z| *z < 0.0) {
         return None;
     }
-    let (variance, error) = growth(&squares, &slopes)?;
+    let Growth { still, variance, error } = growth(&squares, &slopes)?;
     let chance = growth_of_neighbours(&products, &pairs, variance) < 0.5 * variance;
     let orderly = variance < comparison.scene.scales.period.powi(2);
     let seen = variance * slopes.iter().sum::<f64>() > COVERED * slopes.len() as f64;
@@ -64,11 +66,22 @@ pub(super) fn find(comparison: &Comparison<'_>) -> Option<Jitter> {
         deviation: variance.sqrt(),
         error: error / (2.0 * variance.sqrt()),
         z: combined,
+        still,
     })
 }
 
-/// Weighted regression of squares on slopes: variance a + b x has errors proportional to itself. (b, standard error)
-fn growth(squares: &[f64], slopes: &[f64]) -> Option<(f64, f64)> {
+/// A variance a + b x of residuals.
+struct Growth {
+    /// a.
+    still: f64,
+    /// b.
+    variance: f64,
+    /// Standard error of b.
+    error: f64,
+}
+
+/// Weighted regression of squares on slopes: variance a + b x has errors proportional to itself.
+fn growth(squares: &[f64], slopes: &[f64]) -> Option<Growth> {
     let (mut a, mut b, mut error) = (1.0, 0.0, f64::INFINITY);
     for _ in 0..20 {
         let (mut s, mut sx, mut sxx, mut sy, mut sxy) = (0.0, 0.0, 0.0, 0.0, 0.0);
@@ -90,7 +103,7 @@ fn growth(squares: &[f64], slopes: &[f64]) -> Option<(f64, f64)> {
         b = ((s * sxy - sx * sy) / determinant).max(0.0);
         error = (s / determinant).sqrt();
     }
-    Some((b, error))
+    Some(Growth { still: a, variance: b, error })
 }
 
 /// Regression of products of neighbouring residuals on products of their slopes, each in units of its own variance under `growth`.
@@ -110,6 +123,11 @@ fn growth_of_neighbours(products: &[f64], slopes: &[f64], growth: f64) -> f64 {
 }
 
 impl Jitter {
+    /// Deviation of a value that changes at a rate, in units of the noise of this deviation.
+    pub(crate) fn scatter(&self, slope: f64, noise: f64) -> f64 {
+        (self.still + (self.deviation * slope / noise).powi(2)).sqrt()
+    }
+
     /// Factor of each row of an output that brings its innovation back to the size it has without jitter.
     pub(super) fn weights(&self, comparison: &Comparison<'_>, output: usize) -> Vec<f64> {
         let share = (self.deviation / comparison.noise[output]).powi(2);

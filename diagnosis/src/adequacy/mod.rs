@@ -94,9 +94,15 @@ impl Adequacy {
     }
 }
 
-/// Whether stamps jitter beside a free run that leaves `left`, and then, by output, the factor of each row that brings its innovation back to
-/// the size it has without jitter.
-pub(crate) fn unjittered(data: &Dataset, scene: &Scene, run: &[Channels], left: Vec<Channels>, noise: &Noise) -> Option<Vec<Vec<f64>>> {
+/// Whether stamps jitter beside a free run that leaves `left`, and then what is asked of that.
+pub(crate) fn jittered<T>(
+    data: &Dataset,
+    scene: &Scene,
+    run: &[Channels],
+    left: Vec<Channels>,
+    noise: &Noise,
+    ask: impl FnOnce(Jitter, &Comparison<'_>) -> T,
+) -> Option<T> {
     let mut white = left;
     white.iter_mut().enumerate().for_each(|(s, left)| noise.whiten(s, left));
     let comparison = Comparison {
@@ -112,8 +118,14 @@ pub(crate) fn unjittered(data: &Dataset, scene: &Scene, run: &[Channels], left: 
         rates: &[],
         jacobian: &[],
     };
-    let jitter = jitter::find(&comparison)?;
-    Some((0..comparison.outputs()).map(|output| jitter.weights(&comparison, output)).collect())
+    Some(ask(jitter::find(&comparison)?, &comparison))
+}
+
+impl Jitter {
+    /// By output, the factor of each row that brings its innovation back to the size it has without jitter.
+    pub(crate) fn factors(&self, comparison: &Comparison<'_>) -> Vec<Vec<f64>> {
+        (0..comparison.outputs()).map(|output| self.weights(comparison, output)).collect()
+    }
 }
 
 /// Slope of a series, by central differences.
