@@ -185,6 +185,7 @@ mod tests {
         assert_eq!(transfer(4.0, f64::INFINITY, 1.0), Transfer::Fails, "it diverges");
         assert!(foreign(6.0, 1.0) && !foreign(1.5, 1.0));
     }
+
     #[test]
     fn stamps_that_jitter_scatter_more_where_more_changes() {
         let jitter = Jitter { deviation: 0.03, error: 0.0, z: 0.0, still: 1.0 };

@@ -480,8 +480,9 @@ impl<'a> Search<'a> {
 
     /// Each member's rivals with those that are the same under every drive, which a race may have left behind.
     pub(crate) fn twinned(&self, selected: &mut Selected, rests: &[Option<State>]) {
+        selected.rivals.resize(selected.state.effects.len(), Vec::new());
         for (member, rest) in rests.iter().enumerate().skip(self.fixed(selected)) {
-            let Some(rest) = rest else { continue };
+            let Some(rest) = rest.as_ref().filter(|_| !self.setting.exhausted()) else { continue };
             let found = selected.state.effects[member];
             let known = |i: usize| selected.rivals[member].iter().any(|r| self.effect(r.effect).name() == self.effect(i).name());
             let same = |i: &&usize| always(self.effect(found), self.effect(**i)).is_some() && self.joins(**i, &rest.effects) && !known(**i);
