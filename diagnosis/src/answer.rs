@@ -262,15 +262,15 @@ impl Proven {
         let (before, after) = (on(&shifted, &scene, &base), on(&shifted, &scene, &selected.state));
         let ground = Ground { model: setting.model, data: &shifted, scene: &scene, readout: setting.readout };
         let noise = &selected.whitening.noise.deviation;
-        let scatter = search.scatter(selected);
+        let jitter = search.jitter(selected);
         // What was reached is possible.
         let ceiling = (0..noise.len()).map(|c| ground.ceiling(c, noise[c]).max(after.fit[c])).collect();
-        let left = [&before, &after].map(|proof| loss(&shifted, &proof.simulated, &scatter));
-        let training = loss(question.training, &trained[1].simulated, &scatter);
+        let left = [&before, &after].map(|proof| loss(&shifted, &proof.simulated, noise, jitter));
+        let training = loss(question.training, &trained[1].simulated, noise, jitter);
         made.transfer = transfer(left[0], left[1], training);
         if made.transfer == Transfer::Fails {
             let leeway = moved(search, &selected.state, &shifted, &scene, &selected.whitening.noise);
-            let left_then = leeway.filter(|there| there.cost < AFFORDABLE).map(|there| loss(&shifted, &there.simulated, &scatter));
+            let left_then = leeway.filter(|there| there.cost < AFFORDABLE).map(|there| loss(&shifted, &there.simulated, noise, jitter));
             if left_then.is_some_and(|after| transfer(left[0], after, training) == Transfer::Holds) {
                 made.transfer = Transfer::Open;
             }

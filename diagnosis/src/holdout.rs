@@ -127,29 +127,21 @@ const CLOSED: f64 = 0.5;
 /// Errors beyond this many standard deviations count by their size, not by its square: a few values far out are not motion.
 pub(crate) const HUBER: f64 = 2.0;
 
-/// What the errors of a right model scatter by.
-#[derive(Debug, Clone)]
-pub(crate) struct Scatter {
-    /// Deviation of each output's noise.
-    pub(crate) noise: Vec<f64>,
-    /// Stamps that jitter make it louder where an output changes, and other driving changes more.
-    pub(crate) jitter: Option<Jitter>,
-}
-
-/// Mean loss of a free run's errors over all outputs, in units of what they scatter by.
-pub(crate) fn loss(data: &Dataset, simulated: &Series, scatter: &Scatter) -> f64 {
+/// Mean loss of a free run's errors over all outputs, in units of what a right model's scatter by: the noise, which stamps that jitter make
+/// louder where an output changes, and other driving changes more.
+pub(crate) fn loss(data: &Dataset, simulated: &Series, noise: &[f64], jitter: Option<Jitter>) -> f64 {
     let of = |x: f64| if x <= HUBER { x * x } else { HUBER * (2.0 * x - HUBER) };
     let mut sum = 0.0;
     for (stretch, run) in data.stretches.iter().zip(simulated) {
-        for ((measured, run), noise) in stretch.outputs.iter().zip(run).zip(&scatter.noise) {
+        for ((measured, run), noise) in stretch.outputs.iter().zip(run).zip(noise) {
             let errors = measured.iter().zip(run).map(|(y, s)| (y - s).abs() / noise);
-            sum += match &scatter.jitter {
+            sum += match jitter {
                 Some(jitter) => errors.zip(slope(&stretch.time, run)).map(|(x, d)| of(x / jitter.scatter(d, *noise))).sum::<f64>(),
                 None => errors.map(of).sum(),
             };
         }
     }
-    sum / (data.samples() * scatter.noise.len()).max(1) as f64
+    sum / (data.samples() * noise.len()).max(1) as f64
 }
 
 /// Weighs losses on held-out data before and after against what the explanation leaves on the training data.
@@ -190,9 +182,9 @@ mod tests {
     fn stamps_that_jitter_scatter_more_where_more_changes() {
         let jitter = Jitter { deviation: 0.03, error: 0.0, z: 0.0, still: 1.0 };
         let case = Case::new(7, |_, i, y, slope, random| y + NOISE[i] * normal(random) + jitter.deviation * slope * normal(random));
-        let of = |jitter| loss(&case.data, &case.truth, &Scatter { noise: NOISE.to_vec(), jitter });
+        let of = |jitter| loss(&case.data, &case.truth, &NOISE, jitter);
         let calm = Case::clean(7);
-        let usual = loss(&calm.data, &calm.truth, &Scatter { noise: NOISE.to_vec(), jitter: None });
+        let usual = loss(&calm.data, &calm.truth, &NOISE, None);
         assert!(of(None) > 1.5 * usual, "{} for {usual}", of(None));
         assert!((of(Some(jitter)) / usual - 1.0).abs() < 0.1, "{} for {usual}", of(Some(jitter)));
     }

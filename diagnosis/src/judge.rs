@@ -11,8 +11,9 @@
 use wheelwright_core::Dataset;
 use wheelwright_core::effect::Scene;
 
+use crate::adequacy::Jitter;
 use crate::answer::{MENTIONED, always, clocks, explanation, reach};
-use crate::holdout::{Ground, Scatter, loss, shifted};
+use crate::holdout::{Ground, loss, shifted};
 use crate::leeway::{Moved, moved};
 use crate::noise::Noise;
 use crate::question::Question;
@@ -98,7 +99,7 @@ struct Bench<'q> {
     question: &'q Question<'q>,
     held: &'q Dataset,
     noise: Noise,
-    scatter: Scatter,
+    jitter: Option<Jitter>,
     /// Loss of the selection on the training data.
     training: f64,
     /// Independent values of the held-out data: those that the noise's own past does not foretell.
@@ -110,9 +111,9 @@ impl<'q> Bench<'q> {
         let held = question.held_out.filter(|h| !h.stretches.is_empty())?;
         let noise = &selected.whitening.noise;
         let share = noise.innovation.iter().zip(&noise.deviation).map(|(i, d)| (i / d).powi(2)).sum::<f64>();
-        let scatter = search.scatter(selected);
-        let training = loss(search.setting.data, &search.setting.layout.series(&selected.state.fit.simulated), &scatter);
-        Some(Self { question, held, noise: noise.clone(), scatter, training, values: share * held.samples() as f64 })
+        let jitter = search.jitter(selected);
+        let training = loss(search.setting.data, &search.setting.layout.series(&selected.state.fit.simulated), &noise.deviation, jitter);
+        Some(Self { question, held, noise: noise.clone(), jitter, training, values: share * held.samples() as f64 })
     }
 
     /// Mean loss on the held-out data, on the likeliest clock.
@@ -120,14 +121,14 @@ impl<'q> Bench<'q> {
         let explanation = explanation(search, state);
         self.likeliest(search, |data, scene| {
             let ground = Ground { model: search.setting.model, data, scene, readout: search.setting.readout };
-            loss(data, &ground.prove(&explanation).simulated, &self.scatter)
+            loss(data, &ground.prove(&explanation).simulated, &self.noise.deviation, self.jitter)
         })
     }
 
     /// The same with the leeway that the training data leave, and what it costs there.
     fn with_leeway(&self, search: &Search<'_>, state: &State) -> f64 {
         let moved = self.likeliest(search, |data, scene| match moved(search, state, data, scene, &self.noise) {
-            Some(Moved { simulated, cost }) => loss(data, &simulated, &self.scatter) * (cost / self.values).exp(),
+            Some(Moved { simulated, cost }) => loss(data, &simulated, &self.noise.deviation, self.jitter) * (cost / self.values).exp(),
             None => f64::INFINITY,
         });
         moved.min(self.loss(search, state))

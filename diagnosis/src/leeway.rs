@@ -108,7 +108,7 @@ mod tests {
     use super::*;
     use crate::diagnose::{setting, surroundings};
     use crate::fixture::{NOISE, THETA, TRACK, normal};
-    use crate::holdout::{Scatter, loss};
+    use crate::holdout::loss;
     use crate::question::Question;
 
     /// A recording of a robot that turns or does not.
@@ -144,8 +144,7 @@ mod tests {
         let point = there.point(state.fit.point.x.clone());
         assert!(Runner::new(&there, &[], &point).unwrap().run(&point.x, &point.starts, &mut given));
         let Moved { simulated, cost } = moved(&start.search, &state, held, &other, &noise).unwrap();
-        let scatter = Scatter { noise: NOISE.to_vec(), jitter: None };
-        (loss(held, &there.layout.series(&given), &scatter), loss(held, &simulated, &scatter), cost)
+        (loss(held, &there.layout.series(&given), &NOISE, None), loss(held, &simulated, &NOISE, None), cost)
     }
 
     #[test]

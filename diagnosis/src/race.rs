@@ -310,8 +310,7 @@ impl<'a> Search<'a> {
         let starts = self.effect(effect).starts(self.setting.scene).into_iter().filter_map(from);
         let (fit, mut runner) = starts.reduce(|a, b| if likelihood(&b.0) > likelihood(&a.0) { b } else { a })?;
         let fit = maximise(&self.setting, &mut runner, whitening, fit, RANKING, false);
-        let freedom = self.freedom(&indices, &fit) - self.freedom(&rest.effects, &rest.fit);
-        let score = likelihood(&fit) - likelihood(&rest.fit) - self.penalty(freedom);
+        let (freedom, score) = self.beyond(&indices, &fit, rest);
         Some(Refined { effect, fit, freedom, score })
     }
 

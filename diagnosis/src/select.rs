@@ -17,7 +17,6 @@ use crate::fit::base::renew;
 use crate::fit::search::{Effort, Fit, evaluate, left, maximise};
 use crate::fit::setting::{Point, Runner, Setting};
 use crate::fit::whitening::Whitening;
-use crate::holdout::Scatter;
 use crate::noise::Noise;
 use crate::question::DiagnosisError;
 use crate::race::{Field, Refined, distinct, even};
@@ -362,10 +361,9 @@ impl<'a> Search<'a> {
         selected.state.effects.iter().take_while(|i| **i >= self.library.len()).count()
     }
 
-    /// What the errors of a selection scatter by, on the data that it was fitted to.
-    pub(crate) fn scatter(&self, selected: &Selected) -> Scatter {
-        let jitter = self.jittered(selected, |jitter, _| jitter);
-        Scatter { noise: selected.whitening.noise.deviation.clone(), jitter }
+    /// How the stamps jitter beside a selection, if they do.
+    pub(crate) fn jitter(&self, selected: &Selected) -> Option<Jitter> {
+        self.jittered(selected, |jitter, _| jitter)
     }
 
     fn jittered<T>(&self, selected: &Selected, ask: impl FnOnce(Jitter, &Comparison<'_>) -> T) -> Option<T> {
@@ -438,8 +436,7 @@ impl<'a> Search<'a> {
     /// A member as it stands beside the candidates for its place.
     fn present(&self, selected: &Selected, rest: &State, member: usize) -> Refined {
         let fit = selected.state.fit.clone();
-        let freedom = self.freedom(&selected.state.effects, &fit) - self.freedom(&rest.effects, &rest.fit);
-        let score = fit.likelihood(&self.setting) - rest.fit.likelihood(&self.setting) - self.penalty(freedom);
+        let (freedom, score) = self.beyond(&selected.state.effects, &fit, rest);
         Refined { effect: selected.state.effects[member], fit, freedom, score }
     }
 
@@ -486,10 +483,10 @@ impl<'a> Search<'a> {
             let found = selected.state.effects[member];
             let known = |i: usize| selected.rivals[member].iter().any(|r| self.effect(r.effect).name() == self.effect(i).name());
             let same = |i: &&usize| always(self.effect(found), self.effect(**i)).is_some() && self.joins(**i, &rest.effects) && !known(**i);
-            let z: Vec<f64> = self.unknowns(&selected.state, &|i| i != member).map(|j| selected.state.fit.point.x[j]).collect();
+            let z = self.unbent(&selected.state, member);
             let twins: Vec<Refined> = self.open.iter().filter(same).filter_map(|i| self.placed(*i, &z, selected, rest)).collect();
-            let present = self.present(selected, rest, member).score;
-            selected.rivals[member].extend(self.beside(rest, &twins, found, present));
+            let worth = self.worth(selected, rest);
+            selected.rivals[member].extend(self.beside(rest, &twins, found, worth));
         }
     }
 
@@ -513,7 +510,7 @@ impl<'a> Search<'a> {
         let dropped = selected.state.effects[member];
         let screened = self.screen(&rest, &selected.whitening, &responses);
         let others: Vec<Vec<Candidate>> = screened.into_iter().filter(|c| c[0].effect != dropped).collect();
-        let unbent: Vec<f64> = self.unknowns(&selected.state, &|i| i != member).map(|j| selected.state.fit.point.x[j]).collect();
+        let unbent = self.unbent(&selected.state, member);
         let gain = selected.state.fit.likelihood(&self.setting) - rest.fit.likelihood(&self.setting);
         let field = Field::contest(&unbent, gain, selected.gained(&self.setting, &rest.fit));
         let refined = self.refine(&rest, &selected.whitening, &others, &responses, &field);
@@ -553,6 +550,11 @@ impl<'a> Search<'a> {
         fit.columns = unknowns.iter().map(|j| state.fit.columns[*j].clone()).collect();
         let fit = maximise(&self.setting, &mut runner, &selected.whitening, fit, COMPARING, true);
         Some(State { effects, fit })
+    }
+
+    /// The model's unknowns as they are beside one of its effects.
+    fn unbent(&self, state: &State, member: usize) -> Vec<f64> {
+        self.unknowns(state, &|i| i != member).map(|j| state.fit.point.x[j]).collect()
     }
 
     /// Indices of the unknowns of a model that stay if some of its effects do.
@@ -601,9 +603,13 @@ impl<'a> Search<'a> {
 
     /// Penalised gain of a member on top of the others.
     pub(crate) fn worth(&self, selected: &Selected, rest: &State) -> f64 {
-        let of = |state: &State| self.freedom(&state.effects, &state.fit);
-        let freedom = of(&selected.state) - of(rest);
-        selected.state.fit.likelihood(&self.setting) - rest.fit.likelihood(&self.setting) - self.penalty(freedom)
+        self.beyond(&selected.state.effects, &selected.state.fit, rest).1
+    }
+
+    /// Degrees of freedom that a model has beyond another, and its penalised gain.
+    pub(crate) fn beyond(&self, effects: &[usize], fit: &Fit, rest: &State) -> (f64, f64) {
+        let freedom = self.freedom(effects, fit) - self.freedom(&rest.effects, &rest.fit);
+        (freedom, fit.likelihood(&self.setting) - rest.fit.likelihood(&self.setting) - self.penalty(freedom))
     }
 }
 

@@ -125,13 +125,23 @@ fn growth_of_neighbours(products: &[f64], slopes: &[f64], growth: f64) -> f64 {
 impl Jitter {
     /// Deviation of a value that changes at a rate, in units of the noise of this deviation.
     pub(crate) fn scatter(&self, slope: f64, noise: f64) -> f64 {
-        (self.still + (self.deviation * slope / noise).powi(2)).sqrt()
+        (self.still + self.share(slope, noise)).sqrt()
+    }
+
+    /// Variance that jitter makes of a value that changes at a rate, as a share of the noise's.
+    fn share(&self, slope: f64, noise: f64) -> f64 {
+        (self.deviation / noise).powi(2) * slope * slope
+    }
+
+    /// By output, the factor of each row that brings its innovation back to the size it has without jitter.
+    pub(crate) fn factors(&self, comparison: &Comparison<'_>) -> Vec<Vec<f64>> {
+        (0..comparison.outputs()).map(|output| self.weights(comparison, output)).collect()
     }
 
     /// Factor of each row of an output that brings its innovation back to the size it has without jitter.
     pub(super) fn weights(&self, comparison: &Comparison<'_>, output: usize) -> Vec<f64> {
-        let share = (self.deviation / comparison.noise[output]).powi(2);
-        slopes_of(comparison, output).iter().map(|d| 1.0 / (1.0 + share * d * d).sqrt()).collect()
+        let noise = comparison.noise[output];
+        slopes_of(comparison, output).iter().map(|d| 1.0 / (1.0 + self.share(*d, noise)).sqrt()).collect()
     }
 }
 

@@ -121,13 +121,6 @@ pub(crate) fn jittered<T>(
     Some(ask(jitter::find(&comparison)?, &comparison))
 }
 
-impl Jitter {
-    /// By output, the factor of each row that brings its innovation back to the size it has without jitter.
-    pub(crate) fn factors(&self, comparison: &Comparison<'_>) -> Vec<Vec<f64>> {
-        (0..comparison.outputs()).map(|output| self.weights(comparison, output)).collect()
-    }
-}
-
 /// Slope of a series, by central differences.
 pub(crate) fn slope(time: &[f64], series: &[f64]) -> Vec<f64> {
     let n = series.len();

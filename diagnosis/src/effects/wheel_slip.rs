@@ -52,6 +52,8 @@ const GRAVITY: f64 = 9.80665;
 /// Friction coefficient beyond which a ground holds whatever is asked of it.
 const BOUNDLESS: f64 = 100.0;
 
+/// Limit, in terms of the push, beyond which a brush is no other tyre than one without a limit.
+const STICKS: f64 = 1e4;
 /// Spans of a lag after which no digit of it is left.
 const AGES: f64 = 40.0;
 /// Numbers kept of each wheel.
@@ -180,9 +182,8 @@ impl Effect for WheelSlip {
         if !loops.hold() {
             return;
         }
-        let pushes = pushes(&loops, drive, state, if first { AHEAD } else { BEFORE });
-        let grounds = self.grounds(p, &loops, frame, motion);
         let (from, span) = if first { (AHEAD, state[STEP]) } else { (BEFORE, 2.0 * at.span) };
+        let (pushes, grounds) = (pushes(&loops, drive, state, from), self.grounds(p, &loops, frame, motion));
         let arriving = [0, 1].map(|i| grounds[i].after(state[EACH * i + from], pushes[i], speeds[i], span).1);
         drive.copy_from_slice(&loops.of_wheels(arriving));
     }
@@ -347,8 +348,6 @@ impl Push {
     }
 }
 
-/// Limit, in terms of the push, beyond which a brush is no other tyre than one without a limit.
-const STICKS: f64 = 1e4;
 /// The root y of y³ + 3 p y = c for p ≥ 0, and 0 where it is negative. Cardano's u − p/u, written so that no digits cancel.
 fn stuck(p: f64, c: f64) -> f64 {
     if c <= 0.0 {
