@@ -8,7 +8,7 @@ use wheelwright_core::simulation::Readout;
 
 use crate::answer::{Means, Story, tell};
 use crate::beside::Beside;
-use crate::effects::digits;
+use crate::effects::{LATENESS, digits};
 use crate::finding::Diagnosis;
 use crate::fit::base::{fit, renew};
 use crate::fit::layout::Layout;
@@ -148,7 +148,7 @@ fn own_evidence(search: &Search<'_>, effects: Vec<usize>, fit: &Fit, whitening: 
 
 /// Whether an effect makes what is recorded late.
 fn late(effect: &dyn Effect) -> bool {
-    matches!(effect.stage(), Stage::Transport | Stage::Filter | Stage::Sensor)
+    matches!(effect.stage(), Stage::Transport | Stage::Filter) || effect.family() == LATENESS
 }
 
 /// Twice the log-likelihood of the whole less what its effects cost. Comparable between readings of the same data: the scale of

@@ -1,8 +1,11 @@
 //! Small commands do nothing: U' = U where |U| ≥ d and 0 below, or U' = sgn U · max(|U| − d, 0), on each wheel or on an axis.
+//!
+//! With `servo` it is a wheel's motor that does nothing, and not its command: of what its speed loop gives in answer to e = U − s, s the
+//! wheel's speed, sgn e · min(|e|, d) is lost.
 
 use serde::{Deserialize, Serialize};
 use wheelwright_core::Effect;
-use wheelwright_core::effect::{Confusion, EffectParameter, Estimate, Instant, Scene, Stage, Start};
+use wheelwright_core::effect::{Confusion, EffectParameter, Estimate, Frame, Instant, Motion, Scene, Stage, Start};
 
 use super::force::Wheel;
 use super::parts::{Axis, Parts, shares};
@@ -21,6 +24,9 @@ pub struct DeadZone {
     /// On the forward or the turning command in place of the wheels'.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub axis: Option<Axis>,
+    /// In the loops' answer, not in their command.
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    pub servo: bool,
 }
 
 impl DeadZone {
@@ -36,11 +42,11 @@ impl Effect for DeadZone {
     }
 
     fn about(&self) -> String {
-        "commands below a threshold do nothing".to_owned()
+        if self.servo { "motors do nothing below a threshold".to_owned() } else { "commands below a threshold do nothing".to_owned() }
     }
 
     fn stage(&self) -> Stage {
-        Stage::Threshold
+        if self.servo { Stage::Drive } else { Stage::Threshold }
     }
 
     /// What holds on one axis says nothing about the other.
@@ -53,6 +59,9 @@ impl Effect for DeadZone {
     }
 
     fn inapplicable(&self, scene: &Scene) -> Option<String> {
+        if self.servo && !matches!(scene.frame, Frame::Body { .. }) {
+            return Some("the robot is not commanded by velocities: no loop keeps a wheel's rate".to_owned());
+        }
         Parts::refuse(scene.frame, self.wheel, self.axis)
     }
 
@@ -69,6 +78,10 @@ impl Effect for DeadZone {
     fn statement(&self, values: &[Estimate], scene: &Scene) -> String {
         let parts = self.parts(scene).list(scene);
         let rest = if self.subtracting { ", and larger ones lose as much" } else { "" };
+        if self.servo {
+            let size = quantity(values[0], &parts[0].unit);
+            return format!("a wheel's motor does not push before its speed is {size} off what it is told; the model's did at once");
+        }
         match (self.wheel, self.axis, &*parts) {
             (Some(w), _, [part]) => {
                 format!(
@@ -113,6 +126,9 @@ impl Effect for DeadZone {
     }
 
     fn command(&self, p: &[f64], at: &Instant<'_>, _outputs: &[f64], _state: &mut [f64], u: &mut [f64]) {
+        if self.servo {
+            return;
+        }
         let typical = at.scene.scales.command;
         self.parts(at.scene).change(u, |_, i, command| {
             let (size, threshold) = (command.abs(), p[i]);
@@ -126,5 +142,15 @@ impl Effect for DeadZone {
                 0.5 * command * (1.0 + ((size - threshold) / width).tanh())
             }
         });
+    }
+
+    fn drive(&self, p: &[f64], at: &Instant<'_>, motion: &Motion<'_>, _state: &[f64], drive: &mut [f64]) {
+        if !self.servo {
+            return;
+        }
+        let frame = at.scene.frame;
+        let (told, done) = (frame.wheels(motion.u), frame.wheels(motion.outputs));
+        let lost = [0, 1].map(|i| -(told[i] - done[i]).clamp(-p[0].abs(), p[0].abs()));
+        drive.iter_mut().zip(frame.from_wheels(lost)).for_each(|(drive, d)| *drive += d);
     }
 }

@@ -6,7 +6,7 @@ use super::force::Wheel;
 use super::parts::{Axis, part_by_part, shares};
 
 /// Ways of being late: never two in one explanation, for only their sum would show.
-pub(super) const FAMILY: &str = "lateness";
+pub(crate) const FAMILY: &str = "lateness";
 
 /// The motion that shows them.
 pub(super) const EXCITATION: &str = "steps of the command, or motion faster than a few times per second";

@@ -73,6 +73,7 @@ mod words;
 
 use wheelwright_core::Effect;
 
+pub(crate) use late::FAMILY as LATENESS;
 pub(crate) use words::digits;
 
 pub use actuator_lag::ActuatorLag;
@@ -131,18 +132,22 @@ fn command_side() -> Vec<Box<dyn Effect>> {
         Box::new(SlewLimit::default()),
         Box::new(SlewLimit { wheels: true, axis: None }),
         Box::new(DeadZone::default()),
+        Box::new(DeadZone { servo: true, ..DeadZone::default() }),
         Box::new(VelocitySaturation::default()),
+        Box::new(VelocitySaturation { soft: true, ..VelocitySaturation::default() }),
         Box::new(TorqueSaturation {}),
         Box::new(GainAsymmetry::default()),
         Box::new(GainAsymmetry { servo: true }),
         Box::new(BatterySag::default()),
-        Box::new(BatterySag { servo: true }),
+        Box::new(BatterySag { settles: true, servo: false }),
+        Box::new(BatterySag { settles: false, servo: true }),
+        Box::new(BatterySag { settles: true, servo: true }),
         Box::new(IntegralAction {}),
     ];
     for axis in [Axis::V, Axis::Omega] {
         all.push(Box::new(SlewLimit { axis: Some(axis), wheels: false }));
         all.push(Box::new(DeadZone { axis: Some(axis), ..DeadZone::default() }));
-        all.push(Box::new(VelocitySaturation { axis: Some(axis), wheel: None }));
+        all.push(Box::new(VelocitySaturation { axis: Some(axis), ..VelocitySaturation::default() }));
     }
     for wheel in [Wheel::Left, Wheel::Right] {
         all.push(Box::new(DeadZone { wheel: Some(wheel), ..DeadZone::default() }));
@@ -160,7 +165,8 @@ fn sensors() -> Vec<Box<dyn Effect>> {
         Box::new(WheelEccentricity { wheel: Some(Wheel::Right), ripple: Ripple::Reading }),
         Box::new(WheelEccentricity { wheel: Some(Wheel::Left), ripple: Ripple::Rolling }),
         Box::new(WheelEccentricity { wheel: Some(Wheel::Right), ripple: Ripple::Rolling }),
-        Box::new(SensorDelay {}),
+        Box::new(SensorDelay::default()),
+        Box::new(SensorDelay { each_axis: true }),
         Box::new(EncoderQuantisation::default()),
         Box::new(TimestampJitter::default()),
     ]

@@ -1,8 +1,8 @@
-//! Measurements are late: what is recorded at t is what was at t − τ.
+//! Measurements are late: what is recorded at t is what was at t − τ, with one τ for all outputs or one for each.
 
 use serde::{Deserialize, Serialize};
 use wheelwright_core::Effect;
-use wheelwright_core::effect::{Confusion, EffectParameter, Estimate, Instant, Scene, Stage, Start};
+use wheelwright_core::effect::{Confusion, EffectParameter, Estimate, Frame, Instant, Scene, Stage, Start};
 use wheelwright_core::simulation::Readout;
 
 use super::late;
@@ -14,9 +14,15 @@ use super::words::quantity;
 /// On commands and velocities alone it is `command_delay`: a model whose coefficients do not depend on time answers late
 /// commands by the same response, late by the same. They part only where something else tells the time: a start in motion, and effects
 /// that act by place or time.
+///
+/// Forward and turning motion are often measured by different sensors (encoders and a gyroscope), and then each has a delay of its own.
 #[derive(Debug, Clone, Default, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct SensorDelay {}
+#[serde(deny_unknown_fields, default)]
+pub struct SensorDelay {
+    /// Whether each axis (or wheel, or channel) has a delay of its own.
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    pub each_axis: bool,
+}
 
 /// Longest delay considered \[s\].
 const LONGEST: f64 = 0.8;
@@ -39,16 +45,35 @@ impl Effect for SensorDelay {
         late::FAMILY
     }
 
+    fn inapplicable(&self, scene: &Scene) -> Option<String> {
+        (self.each_axis && scene.inputs.len() != scene.outputs.len())
+            .then(|| "the model's inputs and outputs do not come in pairs: there are no axes that could be late alone".to_owned())
+    }
+
     fn parameters(&self, scene: &Scene) -> Vec<EffectParameter> {
-        late::parameters("delay", LONGEST, false, scene)
+        late::parameters("delay", LONGEST, self.each_axis, scene)
     }
 
     fn starts(&self, scene: &Scene) -> Vec<Start> {
-        late::starts(false, scene)
+        late::starts(self.each_axis, scene)
     }
 
-    fn statement(&self, values: &[Estimate], _scene: &Scene) -> String {
-        format!("what is recorded happened {} earlier; the model had no delay", quantity(values[0], "s"))
+    fn statement(&self, values: &[Estimate], scene: &Scene) -> String {
+        let said = match (self.each_axis, values) {
+            (true, [v, omega, ..]) if scene.frame.has_wheels() => {
+                let [of, and] = match scene.frame {
+                    Frame::Sides { .. } => ["of the left side", "of the right side"],
+                    _ => ["of forward motion", "of turning"],
+                };
+                format!("what is recorded {of} happened {} earlier, {and} {}", quantity(*v, "s"), quantity(*omega, "s"))
+            }
+            (true, _) => {
+                let each = scene.outputs.iter().zip(values).map(|(y, v)| format!("`{}` {}", y.name, quantity(*v, "s")));
+                format!("what is recorded happened earlier: {}", each.collect::<Vec<_>>().join(", "))
+            }
+            (false, _) => format!("what is recorded happened {} earlier", quantity(values[0], "s")),
+        };
+        format!("{said}; the model had no delay")
     }
 
     fn excitation(&self) -> &'static str {
@@ -66,20 +91,24 @@ impl Effect for SensorDelay {
         ]
     }
 
-    /// Room for sums.
+    /// Room for sums, and for what each output was when it is late alone.
     fn states(&self, scene: &Scene) -> usize {
-        scene.outputs.len()
+        2 * scene.outputs.len()
     }
 
     fn measure(&self, p: &[f64], at: &Instant<'_>, past: &dyn Fn(f64, &mut [f64]), state: &mut [f64], outputs: &mut [f64]) {
         let span = at.interval();
-        if p[0] <= 0.0 {
-            return;
+        let (sum, seen) = state.split_at_mut(outputs.len());
+        seen.copy_from_slice(outputs);
+        for (i, delay) in p.iter().enumerate().filter(|(_, delay)| **delay > 0.0) {
+            if at.readout == Readout::IntervalMean && span > 0.0 {
+                mean(at.time - delay - span, span, past, sum, outputs);
+            } else {
+                past(at.time - delay, outputs);
+            }
+            let late = if self.each_axis { i..i + 1 } else { 0..outputs.len() };
+            seen[late.clone()].copy_from_slice(&outputs[late]);
         }
-        if at.readout == Readout::IntervalMean && span > 0.0 {
-            mean(at.time - p[0] - span, span, past, state, outputs);
-        } else {
-            past(at.time - p[0], outputs);
-        }
+        outputs.copy_from_slice(seen);
     }
 }

@@ -1,4 +1,6 @@
 //! Commands are clipped: U' = clip(U, ±m) on each wheel, on one wheel, or on an axis.
+//!
+//! With `soft` they are bent: U' = U (1 + |U/m|^p)^(−1/p), the harder the greater p.
 
 use serde::{Deserialize, Serialize};
 use wheelwright_core::Effect;
@@ -19,7 +21,18 @@ pub struct VelocitySaturation {
     /// On the forward or the turning command in place of the wheels'.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub axis: Option<Axis>,
+    /// Whether the limit is approached and not met.
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    pub soft: bool,
 }
+
+/// How hard a soft limit may be, and is at first: below, it is a drag in proportion to speed's square; above, it is a limit.
+const HARDNESS: (f64, f64) = (1.5, 12.0);
+const HARD: f64 = 3.0;
+/// Limits that are tried, as shares of the largest command.
+const SHARES: [f64; 9] = [0.95, 0.88, 0.8, 0.72, 0.64, 0.55, 0.45, 0.35, 0.25];
+/// The same of soft ones, which take off below and beyond.
+const SOFT_SHARES: [f64; 5] = [1.6, 1.1, 0.75, 0.5, 0.3];
 
 impl VelocitySaturation {
     fn parts(&self, scene: &Scene) -> Parts {
@@ -34,7 +47,7 @@ impl Effect for VelocitySaturation {
     }
 
     fn about(&self) -> String {
-        "commands above a limit are clipped".to_owned()
+        if self.soft { "commands bend towards a limit".to_owned() } else { "commands above a limit are clipped".to_owned() }
     }
 
     fn stage(&self) -> Stage {
@@ -59,17 +72,23 @@ impl Effect for VelocitySaturation {
         let of = |p: super::parts::Part| {
             p.parameter("limit", &p.unit, (0.05 * p.largest, f64::INFINITY), 0.05 * p.largest).neutral(f64::INFINITY)
         };
-        self.parts(scene).list(scene).into_iter().map(of).collect()
+        let hardness = self.soft.then(|| EffectParameter::new("hardness", "1", HARDNESS, 0.5));
+        self.parts(scene).list(scene).into_iter().map(of).chain(hardness).collect()
     }
 
     fn starts(&self, scene: &Scene) -> Vec<Start> {
         let sizes: Vec<f64> = self.parts(scene).list(scene).iter().map(|p| p.largest).collect();
-        shares(&sizes, &[0.95, 0.88, 0.8, 0.72, 0.64, 0.55, 0.45, 0.35, 0.25])
+        let mut starts = shares(&sizes, if self.soft { &SOFT_SHARES } else { &SHARES });
+        if self.soft {
+            starts.iter_mut().for_each(|start| start.values.push(HARD));
+        }
+        starts
     }
 
     fn statement(&self, values: &[Estimate], scene: &Scene) -> String {
         let parts = self.parts(scene).list(scene);
-        let said = each(&parts, values, |p, v| format!("{} command is cut at {}", p.whose, quantity(v, &p.unit)));
+        let verb = if self.soft { "bends towards" } else { "is cut at" };
+        let said = each(&parts, values, |p, v| format!("{} command {verb} {}", p.whose, quantity(v, &p.unit)));
         format!("{said}; the model had no limit")
     }
 
@@ -95,6 +114,10 @@ impl Effect for VelocitySaturation {
     }
 
     fn command(&self, p: &[f64], at: &Instant<'_>, _outputs: &[f64], _state: &mut [f64], u: &mut [f64]) {
-        self.parts(at.scene).change(u, |_, i, command| command.clamp(-p[i].abs(), p[i].abs()));
+        let hardness = if self.soft { p.last().copied() } else { None };
+        self.parts(at.scene).change(u, |_, i, command| match hardness {
+            Some(hardness) => command * (1.0 + (command / p[i]).abs().powf(hardness)).powf(-1.0 / hardness),
+            None => command.clamp(-p[i].abs(), p[i].abs()),
+        });
     }
 }

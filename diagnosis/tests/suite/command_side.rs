@@ -95,12 +95,22 @@ fn a_limit_clips_wheels_or_an_axis() {
     let m = 0.33;
     let clip = |u: f64| u.max(-m).min(m);
     let both = difference(&[&VelocitySaturation::default()], &[m], &[], [0.3, 0.2], |s, t, x| base(body(wheels(held(s, t)).map(clip)), x));
-    let forward = VelocitySaturation { axis: Some(Axis::V), wheel: None };
+    let forward = VelocitySaturation { axis: Some(Axis::V), ..VelocitySaturation::default() };
     let forward = difference(&[&forward], &[m], &[], [0.3, 0.2], |s, t, x| {
         let [v, w] = held(s, t);
         base([clip(v), w], x)
     });
     assert!(both < 5e-5 && forward < 5e-5, "{both} {forward}");
+}
+
+#[test]
+fn a_soft_limit_bends_more_the_nearer_it_is() {
+    for (limit, hardness) in [(0.4, 2.0), (0.3, 6.0)] {
+        let soft = VelocitySaturation { soft: true, ..VelocitySaturation::default() };
+        let bent = |u: f64| u / (1.0 + (u.abs() / limit).powf(hardness)).powf(1.0 / hardness);
+        let error = difference(&[&soft], &[limit, hardness], &[], [0.3, 0.2], |s, t, x| base(body(wheels(held(s, t)).map(bent)), x));
+        assert!(error < 5e-5, "{limit} {hardness}: {error}");
+    }
 }
 
 #[test]
@@ -166,6 +176,13 @@ fn a_stronger_wheel_makes_the_robot_veer() {
 fn a_battery_runs_down() {
     let k = 0.006;
     let error = difference(&[&BatterySag::default()], &[k], &[], [0.3, 0.2], |s, t, x| base(held(s, t).map(|u| u * (1.0 - k * t)), x));
+    assert!(error < 5e-5, "{error}");
+    let (lost, time) = (0.12, 2.5);
+    let settling = BatterySag { settles: true, ..BatterySag::default() };
+    let error = difference(&[&settling], &[lost, time], &[], [0.3, 0.2], |s, t, x| {
+        let left = 1.0 - lost + lost * (-t / time).exp();
+        base(held(s, t).map(|u| u * left), x)
+    });
     assert!(error < 5e-5, "{error}");
 }
 

@@ -2,9 +2,9 @@
 
 use crate::rig::{HALF_TRACK, body, integrate, sides};
 use wheelwright_diagnosis::effects::{
-    Backlash, BatterySag, Between, CastorDrag, CastorKind, CoulombFriction, CoulombFrictionOneWheel, DirectionAsymmetry, GainAsymmetry,
-    LateralComOffset, PayloadChange, QuadraticDrag, RollingResistance, ScrubLaw, SlipLaw, Slope, Speeds, StribeckFriction, TurningScrub,
-    ViscousAsymmetry, Wheel, WheelRadiusMismatch, WheelSlip,
+    Backlash, BatterySag, Between, CastorDrag, CastorKind, CoulombFriction, CoulombFrictionOneWheel, DeadZone, DirectionAsymmetry,
+    GainAsymmetry, LateralComOffset, PayloadChange, QuadraticDrag, RollingResistance, ScrubLaw, SlipLaw, Slope, Speeds, StribeckFriction,
+    TurningScrub, ViscousAsymmetry, Wheel, WheelRadiusMismatch, WheelSlip,
 };
 
 /// Ground speeds of left and right wheel in the body frame.
@@ -231,9 +231,32 @@ fn a_loop_with_another_gain_pushes_by_its_own_error() {
     });
     assert!(error < 1e-3, "{error}");
     let k = 0.01;
-    let error = rig.error(&BatterySag { servo: true }, &[k], rig.start, &[], |t, u, x| {
+    let error = rig.error(&BatterySag { servo: true, ..BatterySag::default() }, &[k], rig.start, &[], |t, u, x| {
         let lost = k * (t - rig.stretch().time[0]);
         (rig.base)([0, 1].map(|i| u[i] - lost * (u[i] - x[i])), x)
+    });
+    assert!(error < 1e-3, "{error}");
+    let (k, time) = (0.15, 2.0);
+    let error = rig.error(&BatterySag { servo: true, settles: true }, &[k, time], rig.start, &[], |t, u, x| {
+        let lost = k * (1.0 - (-(t - rig.stretch().time[0]) / time).exp());
+        (rig.base)([0, 1].map(|i| u[i] - lost * (u[i] - x[i])), x)
+    });
+    assert!(error < 1e-3, "{error}");
+}
+
+/// A motor that does nothing for less than a threshold takes as much off every push.
+#[test]
+fn a_motor_with_a_dead_zone_does_not_push_at_small_errors() {
+    let rig = body();
+    let d = 0.03;
+    let dead = DeadZone { servo: true, ..DeadZone::default() };
+    let error = rig.error(&dead, &[d], rig.start, &[], |_, u, x| {
+        let [left, right] = [0, 1].map(|i| {
+            let lag = wheels(u)[i] - wheels(x)[i];
+            if lag.abs() < d { lag } else { d.copysign(lag) }
+        });
+        let lost = [0.5 * (left + right), (right - left) / (2.0 * HALF_TRACK)];
+        (rig.base)([u[0] - lost[0], u[1] - lost[1]], x)
     });
     assert!(error < 1e-3, "{error}");
 }

@@ -79,7 +79,7 @@ fn a_late_sensor_records_what_was() {
     let mut further: Vec<f64> = time.iter().map(|t| t - tau).collect();
     further.extend(time.windows(2).map(|w| w[0] - tau));
     let truth = rig.truth(&further);
-    let run = rig.run(&SensorDelay {}, &[tau], Readout::Instantaneous);
+    let run = rig.run(&SensorDelay::default(), &[tau], Readout::Instantaneous);
     let error = rig.difference(&run, |k| {
         let x = at(&truth, time[k] - tau);
         [x[0], x[1]]
@@ -88,7 +88,7 @@ fn a_late_sensor_records_what_was() {
     // A late mean is the mean over an interval as long, and as late.
     let lengths: Vec<f64> = (1..time.len()).map(|k| time[k] - tau - (time[k] - time[k - 1])).collect();
     let truth = rig.truth(&[further, lengths].concat());
-    let run = rig.run(&SensorDelay {}, &[tau], Readout::IntervalMean);
+    let run = rig.run(&SensorDelay::default(), &[tau], Readout::IntervalMean);
     let error = rig.difference(&run, |k| {
         if k == 0 {
             return [0.3, 0.2];
@@ -98,6 +98,20 @@ fn a_late_sensor_records_what_was() {
         [(now[2] - before[2]) / span, (now[3] - before[3]) / span]
     });
     assert!(error < 5e-4, "{error}");
+}
+
+#[test]
+fn a_sensor_of_each_axis_is_late_by_itself() {
+    let rig = rig();
+    let late = [0.021, 0.094];
+    let time = rig.stretch().time.clone();
+    let truth = rig.truth(&late.iter().flat_map(|tau| time.iter().map(move |t| t - tau)).collect::<Vec<_>>());
+    let run = rig.run(&SensorDelay { each_axis: true }, &late, Readout::Instantaneous);
+    let error = rig.difference(&run, |k| [0, 1].map(|i| at(&truth, time[k] - late[i])[i]));
+    assert!(error < 5e-5, "{error}");
+    let one = rig.run(&SensorDelay { each_axis: true }, &[0.0, late[1]], Readout::Instantaneous);
+    let now = rig.run(&SensorDelay::default(), &[0.0], Readout::Instantaneous);
+    assert_eq!((&one[0], &one[1]), (&now[0], &run[1]));
 }
 
 #[test]
@@ -229,6 +243,6 @@ fn jitter_scatters_by_the_acceleration_and_not_without_a_seed() {
     }
     assert!((sum / expected - 1.0_f64).abs() < 0.2, "{sum} {expected}");
     assert_eq!(run, rig.run(&TimestampJitter { seed: Some(4) }, &[sigma], Readout::Instantaneous));
-    let none = rig.run(&SensorDelay {}, &[0.0], Readout::Instantaneous);
+    let none = rig.run(&SensorDelay::default(), &[0.0], Readout::Instantaneous);
     assert_eq!(plain, none);
 }

@@ -12,7 +12,8 @@ impl Trace {
     /// Outputs at an earlier time, by the parabola through a sub-step's ends with the slope at its start.
     pub(super) fn at(&self, time: f64, out: &mut [f64]) {
         let n = out.len();
-        let k = self.time.partition_point(|t| *t <= time).max(1) - 1;
+        // Sensors look back a few steps of many.
+        let k = self.time.iter().rposition(|t| *t <= time).unwrap_or(0);
         let row = |values: &[f64], k: usize, i: usize| values[k * n + i];
         for (i, out) in out.iter_mut().enumerate() {
             let x = row(&self.outputs, k, i);
