@@ -14,7 +14,7 @@ use crate::fit::algebra::Directions;
 use crate::fit::search::Fit;
 use crate::fit::setting::Runner;
 use crate::fit::setting::Setting;
-use crate::holdout::{Explanation, Ground, Proof, Transfer, foreign, loss, shifted, transfer};
+use crate::holdout::{BorneOut, Explanation, Ground, Proof, Transfer, foreign, loss, shifted, transfer};
 use crate::leeway::moved;
 use crate::noise::Noise;
 use crate::question::{DiagnosisError, Question};
@@ -275,14 +275,21 @@ impl Proven {
                 made.transfer = Transfer::Open;
             }
         }
+        let withouts: Vec<Option<(&State, Proof)>> = rests.iter().map(|r| r.as_ref().map(|r| (r, on(&shifted, &scene, r)))).collect();
+        let refuted = |(rest, without): &(&State, Proof)| {
+            let gain = selected.gained(setting, &selected.state.fit) - selected.gained(setting, &rest.fit);
+            BorneOut::new(&selected.whitening.noise, &shifted, &after.simulated, &without.simulated, gain).refuted()
+        };
+        if withouts.iter().flatten().any(refuted) {
+            made.transfer = Transfer::Fails;
+        }
         made.foreign = foreign(left[1], training);
         made.waterfall = waterfall(search, selected, &before, &after, &|state| on(&shifted, &scene, state).fit);
-        let gained = |rest: &State| {
-            let without = on(&shifted, &scene, rest).fit;
-            let gains: Vec<f64> = after.fit.iter().zip(&without).map(|(a, b)| a - b).filter(|g| g.is_finite()).collect();
+        let gained = |(_, without): &(&State, Proof)| {
+            let gains: Vec<f64> = after.fit.iter().zip(&without.fit).map(|(a, b)| a - b).filter(|g| g.is_finite()).collect();
             gains.iter().sum::<f64>() / gains.len().max(1) as f64
         };
-        made.gains = rests.iter().map(|rest| rest.as_ref().map(gained)).collect();
+        made.gains = withouts.iter().map(|without| without.as_ref().map(gained)).collect();
         made.held_out = Some(replay(held, &before, &after));
         let narx = question.yardstick.then(|| yardstick(question, held, &explanation(search, &base).theta)).flatten();
         made.fits = Fits { before: before.fit, after: after.fit, noise_ceiling: Some(ceiling), narx };

@@ -6,6 +6,7 @@ use wheelwright_core::simulation::Readout;
 use wheelwright_core::{Dataset, Stretch};
 
 use crate::adequacy::{Jitter, slope};
+use crate::noise::Noise;
 use crate::residuals::Series;
 
 /// A model as it is simulated on other data.
@@ -124,6 +125,10 @@ const NEAR: f64 = 1.15 * 1.15;
 const FOREIGN: f64 = 3.0;
 /// Share of the excess that must go.
 const CLOSED: f64 = 0.5;
+/// What an effect has to change on held-out data, as a sum of squares in units of the noise, for them to say anything of it.
+const VISIBLE: f64 = 10.0;
+/// Standard errors that make sure.
+const SURE: f64 = 3.0;
 /// Errors beyond this many standard deviations count by their size, not by its square: a few values far out are not motion.
 pub(crate) const HUBER: f64 = 2.0;
 
@@ -156,6 +161,48 @@ pub(crate) fn foreign(held_out: f64, training: f64) -> bool {
     held_out > FOREIGN * training
 }
 
+/// How much of what an effect changes on held-out data, in which it had no part, is found there.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct BorneOut {
+    /// 1 if all of it is there, 0 if the data know nothing of it, less if they know the contrary.
+    share: f64,
+    /// Its standard error.
+    error: f64,
+    /// Sum of squares of what the effect changes, in units of the noise: what the data could show.
+    shown: f64,
+}
+
+impl BorneOut {
+    /// By regression of the errors without the effect on what it changes, both whitened. `gain` is twice the log-likelihood that the effect has
+    /// gained on the data it was fitted to: so far its size is known.
+    pub(crate) fn new(noise: &Noise, data: &Dataset, with: &Series, without: &Series, gain: f64) -> Self {
+        let (mut shown, mut found, mut left, mut values) = (0.0, 0.0, 0.0, 0.0);
+        for ((stretch, with), without) in data.stretches.iter().zip(with).zip(without) {
+            for (c, measured) in stretch.outputs.iter().enumerate() {
+                let white = |a: &[f64]| {
+                    let mut difference: Vec<f64> = a.iter().zip(&without[c]).map(|(a, b)| a - b).collect();
+                    noise.whiten_output(c, &mut difference);
+                    difference
+                };
+                for (change, error) in white(&with[c]).into_iter().zip(white(measured)) {
+                    shown += change * change;
+                    found += change * error;
+                    left += (error - change).powi(2);
+                    values += 1.0;
+                }
+            }
+        }
+        let share = found / shown;
+        let error = ((left / values).max(1.0) / shown + 1.0 / gain.max(f64::MIN_POSITIVE)).sqrt();
+        Self { share, error, shown }
+    }
+
+    /// Whether the data could show the effect, and surely know of less than half of it.
+    pub(crate) fn refuted(self) -> bool {
+        self.shown > VISIBLE && self.share + SURE * self.error < 0.5
+    }
+}
+
 /// Held-out data on a clock of their own: the same stretches with their times moved.
 pub(crate) fn shifted(data: &Dataset, by: f64) -> Dataset {
     let mut moved = data.clone();
@@ -166,6 +213,7 @@ pub(crate) fn shifted(data: &Dataset, by: f64) -> Dataset {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::fit::layout::Layout;
     use crate::fixture::{Case, NOISE, normal};
 
     #[test]
@@ -176,6 +224,32 @@ mod tests {
         assert_eq!(transfer(1.1, 1.6, 1.0), Transfer::Fails, "it has made one");
         assert_eq!(transfer(4.0, f64::INFINITY, 1.0), Transfer::Fails, "it diverges");
         assert!(foreign(6.0, 1.0) && !foreign(1.5, 1.0));
+    }
+
+    /// Held-out data asked about an effect that changes them by `size` standard deviations of their noise, and of which a share is there.
+    fn asked(share: f64, size: f64, gain: f64) -> BorneOut {
+        let change = |t: f64, output: usize| size * NOISE[output] * t.sin();
+        let case = Case::new(3, |t, i, y, _, random| y + share * change(t, i) + NOISE[i] * normal(random));
+        let mut with = case.truth.clone();
+        for (run, stretch) in with.iter_mut().zip(&case.data.stretches) {
+            for (i, column) in run.iter_mut().enumerate() {
+                column.iter_mut().zip(&stretch.time).for_each(|(y, t)| *y += change(*t, i));
+            }
+        }
+        let noise = Noise::white(&NOISE, &Layout::of(&case.data, &case.scene));
+        BorneOut::new(&noise, &case.data, &with, &case.truth, gain)
+    }
+
+    #[test]
+    fn an_effect_of_which_held_out_data_know_nothing_is_refuted() {
+        let known = 1e3;
+        let [absent, present] = [0.0, 1.0].map(|share| asked(share, 1.0, known));
+        assert!(absent.refuted() && !present.refuted(), "{absent:?} {present:?}");
+        assert!(absent.share.abs() < 3.0 * absent.error && (present.share - 1.0).abs() < 3.0 * present.error, "{absent:?} {present:?}");
+        assert!(asked(-0.5, 0.3, known).refuted(), "they know the contrary");
+        assert!(!asked(0.8, 1.0, known).refuted(), "the form of a law is never exact");
+        assert!(!asked(0.0, 0.05, known).refuted(), "the data could not show it");
+        assert!(!asked(0.0, 1.0, 20.0).refuted(), "its size is hardly known");
     }
 
     #[test]

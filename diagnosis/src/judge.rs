@@ -5,15 +5,15 @@
 //! difference counts, one that remains when either has its parameters where the held-out data would have them, as far as the training data
 //! let them go (`leeway.rs`).
 //!
-//! An effect beside others goes if they do decisively better on the held-out data without it, whatever its evidence on the training data: it
-//! stood in for the imperfect form of the others there.
+//! An effect beside others goes if they do decisively better on the held-out data without it, or if these know nothing of what it changes
+//! there, whatever its evidence on the training data: it stood in for the imperfect form of the others there.
 
 use wheelwright_core::Dataset;
 use wheelwright_core::effect::Scene;
 
 use crate::adequacy::Jitter;
 use crate::answer::{MENTIONED, always, clocks, explanation, reach};
-use crate::holdout::{Ground, loss, shifted};
+use crate::holdout::{BorneOut, Ground, loss, shifted};
 use crate::leeway::{Moved, moved};
 use crate::noise::Noise;
 use crate::question::Question;
@@ -31,7 +31,13 @@ pub(crate) fn judged(question: &Question<'_>, search: &Search<'_>, mut selected:
         selected = fewer;
         search.exchange(&mut selected, first, None);
     }
-    exchanged(&bench, search, selected)
+    selected = exchanged(&bench, search, selected);
+    while let Some(fewer) = bench.borne_out(search, &selected) {
+        selected = fewer;
+        search.exchange(&mut selected, first, None);
+        selected = exchanged(&bench, search, selected);
+    }
+    selected
 }
 
 /// Each member exchanged for the rival that the held-out data prefer decisively.
@@ -136,25 +142,53 @@ impl<'q> Bench<'q> {
 
     /// The least of a loss on every clock that the held-out data may have.
     fn likeliest(&self, search: &Search<'_>, loss: impl Fn(&Dataset, &Scene) -> f64) -> f64 {
-        let headings = self.question.held_out_headings.as_deref();
-        let clocks = clocks(self.question.training, self.held);
-        let on = |by: &f64| {
-            let moved = shifted(self.held, *by);
-            loss(&moved, &search.setting.scene.like(&moved, headings))
-        };
-        clocks.iter().map(on).fold(f64::INFINITY, f64::min)
+        self.clocks(search).map(|(data, scene)| loss(&data, &scene)).fold(f64::INFINITY, f64::min)
     }
 
-    /// The selection without the member that the held-out data reject most, if they reject any. One that stands alone has no others to stand
-    /// in for: that it does not transfer is the verdict's business.
+    /// The held-out data and their scene on every clock that they may have.
+    fn clocks(&self, search: &Search<'_>) -> impl Iterator<Item = (Dataset, Scene)> {
+        let headings = self.question.held_out_headings.as_deref();
+        clocks(self.question.training, self.held).into_iter().map(move |by| {
+            let moved = shifted(self.held, by);
+            let scene = search.setting.scene.like(&moved, headings);
+            (moved, scene)
+        })
+    }
+
+    /// The selection without the member that the held-out data reject most, if they reject any.
     fn fewer(&self, search: &Search<'_>, selected: &Selected) -> Option<Selected> {
+        let (_, rest) = self.rests(search, selected).into_iter().next()?;
+        self.better(search, &rest, &selected.state).then(|| search.only(selected, &rest)).flatten()
+    }
+
+    /// The selection without the member of which the held-out data know nothing and miss least, if there is such.
+    fn borne_out(&self, search: &Search<'_>, selected: &Selected) -> Option<Selected> {
+        let (_, rest) = self.rests(search, selected).into_iter().find(|(_, rest)| self.refuted(search, selected, rest))?;
+        search.only(selected, &rest)
+    }
+
+    /// The selection without each of its members, and the loss on the held-out data that this leaves; least first. One that stands alone has
+    /// no others to stand in for: that it does not transfer is the verdict's business.
+    fn rests(&self, search: &Search<'_>, selected: &Selected) -> Vec<(f64, State)> {
         let members = search.fixed(selected)..selected.state.effects.len();
         if selected.state.effects.len() < 2 {
-            return None;
+            return Vec::new();
         }
         let rests = members.filter_map(|member| search.without(selected, member)).map(|rest| (self.loss(search, &rest), rest));
-        let (_, rest) = rests.reduce(|a, b| if b.0 < a.0 { b } else { a })?;
-        self.better(search, &rest, &selected.state).then(|| search.only(selected, &rest)).flatten()
+        let mut rests: Vec<(f64, State)> = rests.collect();
+        rests.sort_by(|a, b| a.0.total_cmp(&b.0));
+        rests
+    }
+
+    /// Whether the held-out data know nothing, on whatever clock, of what the selection has beyond another state.
+    fn refuted(&self, search: &Search<'_>, selected: &Selected, rest: &State) -> bool {
+        let setting = &search.setting;
+        let gain = selected.gained(setting, &selected.state.fit) - selected.gained(setting, &rest.fit);
+        self.clocks(search).all(|(data, scene)| {
+            let ground = Ground { model: setting.model, data: &data, scene: &scene, readout: setting.readout };
+            let [with, without] = [&selected.state, rest].map(|state| ground.prove(&explanation(search, state)).simulated);
+            BorneOut::new(&self.noise, &data, &with, &without, gain).refuted()
+        })
     }
 
     /// Whether a state does decisively better than another, as they were fitted and with leeway.

@@ -390,11 +390,6 @@ impl<'a> Search<'a> {
         };
         let mut evened = Selected { state: State { effects: state.effects.clone(), fit }, whitening, base, ..selected };
         self.exchange(&mut evened, first, None);
-        let nothing = State { effects: Vec::new(), fit: evened.base.clone() };
-        let alone = evened.state.effects.len() == 1;
-        if alone && self.worth(&evened, &nothing) <= 0.0 {
-            evened = Selected { state: nothing, rivals: Vec::new(), ..evened };
-        }
         evened
     }
 
@@ -458,7 +453,7 @@ impl<'a> Search<'a> {
     /// it. And what it is without each that stays.
     pub(crate) fn settled(&self, mut selected: Selected) -> (Selected, Vec<Option<State>>) {
         let (mut member, mut rests) = (self.fixed(&selected), self.rests(&selected));
-        while selected.state.effects.len() > 1 && member < selected.state.effects.len() {
+        while member < selected.state.effects.len() {
             let rest = rests[member].as_ref().filter(|rest| self.worth(&selected, rest) <= 0.0);
             match rest.and_then(|rest| self.only(&selected, rest)) {
                 Some(fewer) => {
@@ -481,7 +476,7 @@ impl<'a> Search<'a> {
         for (member, rest) in rests.iter().enumerate().skip(self.fixed(selected)) {
             let Some(rest) = rest.as_ref().filter(|_| !self.setting.exhausted()) else { continue };
             let found = selected.state.effects[member];
-            let known = |i: usize| selected.rivals[member].iter().any(|r| self.effect(r.effect).name() == self.effect(i).name());
+            let known = |i: usize| selected.rivals[member].iter().any(|r| r.effect == i);
             let same = |i: &&usize| always(self.effect(found), self.effect(**i)).is_some() && self.joins(**i, &rest.effects) && !known(**i);
             let z = self.unbent(&selected.state, member);
             let twins: Vec<Refined> = self.open.iter().filter(same).filter_map(|i| self.placed(*i, &z, selected, rest)).collect();
@@ -644,11 +639,11 @@ mod tests {
     }
 
     #[test]
-    fn a_member_that_is_worth_nothing_goes() {
+    fn members_that_are_worth_nothing_go() {
         let library: Vec<Box<dyn Effect>> = vec![Box::new(CoulombFriction::default()), Box::new(QuadraticDrag::default())];
         with_selected(&Case::clean(5), &library, 2, |search, selected| {
             let (settled, rests) = search.settled(selected);
-            assert_eq!((settled.state.effects.len(), settled.rivals.len(), rests.len()), (1, 1, 1));
+            assert_eq!((settled.state.effects.len(), settled.rivals.len(), rests.len()), (0, 0, 0));
         });
     }
 

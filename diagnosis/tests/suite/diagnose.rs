@@ -9,7 +9,7 @@ use wheelwright_diagnosis::effects::{
 };
 use wheelwright_diagnosis::{Diagnosis, DiagnosisError, Question, Verdict, diagnose};
 
-use crate::recorded::{Hidden, THETA, TRACK, ask, averaged, library, model, names, noise_of, record, record_on, record_with};
+use crate::recorded::{Hidden, NOISE, THETA, TRACK, ask, averaged, library, model, names, noise_of, record, record_on, record_with};
 
 #[test]
 fn nothing_is_named_where_nothing_is_hidden_white_or_coloured() {
@@ -92,6 +92,19 @@ fn held_out_reversals_judge_between_friction_and_an_offset() {
         let training = record(31, 1600, false, &[(effect, values)], 0.0);
         let diagnosis = ask(&training, Some(&record(32, 800, true, &[(effect, values)], 0.0)));
         assert_eq!((names(&diagnosis), diagnosis.verdict), (vec![effect.name()], Verdict::Explained), "{}", diagnosis.headline);
+    }
+}
+
+/// What fits the training data and is nowhere in held-out data that would show it goes, however loud these are for another reason.
+#[test]
+fn a_member_of_which_held_out_data_know_nothing_goes() {
+    let (delay, offset) = (CommandDelay::default(), CommandOffset {});
+    let both: [(&dyn Effect, &[f64]); 2] = [(&delay, &[0.15]), (&offset, &[0.01, 0.0])];
+    let training = record(33, 1600, true, &both, 0.0);
+    for (there, held) in [(true, &both[..]), (false, &both[..1])] {
+        let diagnosis = ask(&training, Some(&record_with(1.4 * NOISE, TRACK, 34, 800, true, held, 0.0)));
+        let told = |name: &str| diagnosis.effects.iter().chain(&diagnosis.partial).any(|e| e.name == name);
+        assert!(told("command_delay") && told("command_offset") == there, "{}", diagnosis.headline);
     }
 }
 
