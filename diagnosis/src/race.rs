@@ -165,13 +165,15 @@ impl<'a> Search<'a> {
             racing.retain(|r| r.reaches(self, best, asked, near));
             racing = thinned(racing, if self.setting.exhausted() { LAST } else { places });
         }
+        // What comes to less than an effect costs is none, however near: a place that nobody holds has no rivals.
+        let least = if field.unbent.is_none() { before + self.penalty(1.0) + OUT_OF_REACH } else { asked };
         let mut refined: Vec<Refined> = Vec::new();
         for Racing { effect, fit: coarse, .. } in racing {
             let indices: Vec<usize> = state.effects.iter().copied().chain([effect]).collect();
             let Some(mut runner) = self.runner(&indices, &coarse.point) else { continue };
             let Some(mut fit) = evaluate(&self.setting, &mut runner, whitening, &coarse.point) else { continue };
             fit.columns = coarse.columns;
-            let target = refined.iter().map(|r| r.fit.likelihood(&self.setting)).fold(asked, f64::max);
+            let target = refined.iter().map(|r| r.fit.likelihood(&self.setting)).fold(least, f64::max);
             let effort = Effort { target, ..RANKING };
             let fit = maximise(&self.setting, &mut runner, whitening, fit, effort, false);
             let fit = self.detour(effect, &mut runner, whitening, fit, effort);
