@@ -25,7 +25,7 @@ pub struct Question<'a> {
     pub fixed: bool,
     /// The data that are diagnosed.
     pub training: &'a Dataset,
-    /// Data that no estimate and no choice sees: the proof.
+    /// Data that no estimate sees: the judge between what the training data leave open, and the proof.
     pub held_out: Option<&'a Dataset>,
     /// Measured headings of the training data, one vector a stretch \[rad\]; without them they are integrated.
     pub training_headings: Option<Vec<Vec<f64>>>,

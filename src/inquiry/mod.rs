@@ -80,7 +80,7 @@ impl Extras {
 }
 
 impl Inquiry {
-    /// Diagnoses recordings; `validation` is seen by no estimate and no choice. Without it a share of the recordings is held out.
+    /// Diagnoses recordings; `validation` is seen by no estimate. Without it a share of the recordings is held out.
     ///
     /// # Errors
     /// [`Error`] if a recording does not have what the model needs, or the data cannot be diagnosed.

@@ -21,10 +21,12 @@ pub(super) fn html(input: &Input<'_>) -> String {
     }
     steps.extend(found.fit.noise_ceiling.iter().map(|c| ("noise ceiling".to_owned(), c.as_slice(), "most")));
     steps.extend(found.fit.narx.iter().map(|c| ("black box (NARX)".to_owned(), c.as_slice(), "box")));
-    let mut html = format!(
-        "<p>Free-run fit on the {data} data, which no estimate{} saw.</p>\n",
-        if found.held_out.is_some() { " and no choice" } else { " but these" }
-    );
+    let seen = if found.held_out.is_some() {
+        "which no estimate saw. They had a say only where the diagnosed data leave a choice: between rivals, and on effects that stand in for others"
+    } else {
+        "which no estimate but these saw"
+    };
+    let mut html = format!("<p>Free-run fit on the {data} data, {seen}.</p>\n");
     for (i, name) in names.iter().enumerate() {
         html.push_str(&bars(name, i, &steps));
     }
@@ -33,8 +35,8 @@ pub(super) fn html(input: &Input<'_>) -> String {
 
 /// Bars from the lowest value shown to 100 %, so that the last points can be seen.
 fn bars(name: &str, output: usize, steps: &[(String, &[f64], &str)]) -> String {
-    const LABEL: f64 = 190.0;
-    const WIDTH: f64 = 640.0;
+    const LABEL: f64 = 225.0;
+    const WIDTH: f64 = 605.0;
     const ROW: f64 = 26.0;
     let values: Vec<f64> = steps.iter().map(|s| s.1.get(output).copied().unwrap_or(f64::NAN)).collect();
     let low = values.iter().copied().filter(|v| v.is_finite()).fold(100.0_f64, f64::min).max(0.0);
