@@ -215,6 +215,12 @@ pub(crate) fn explanation<'a>(search: &Search<'a>, state: &State) -> Explanation
     Explanation { effects: search.effects(&state.effects), theta: search.setting.map.theta(&x[..free]), values: x[free..].to_vec() }
 }
 
+/// The free run of a state over other data.
+pub(crate) fn proven(search: &Search<'_>, state: &State, data: &Dataset, scene: &Scene) -> Proof {
+    let Setting { model, readout, .. } = search.setting;
+    Ground { model, data, scene, readout }.prove(&explanation(search, state))
+}
+
 /// What free runs over training and held-out data show.
 struct Proven {
     fits: Fits,
@@ -232,9 +238,7 @@ impl Proven {
     fn new(question: &Question<'_>, search: &Search<'_>, selected: &Selected, rests: &[Option<State>]) -> Self {
         let setting = &search.setting;
         let base = State { effects: Vec::new(), fit: selected.base.clone() };
-        let on = |data: &Dataset, scene: &Scene, state: &State| {
-            Ground { model: setting.model, data, scene, readout: setting.readout }.prove(&explanation(search, state))
-        };
+        let on = |data: &Dataset, scene: &Scene, state: &State| proven(search, state, data, scene);
         let whole = setting.scene.like(question.training, question.training_headings.as_deref());
         let replay = |data: &Dataset, before: &Proof, after: &Proof| Replay {
             measured: data.clone(),
@@ -267,22 +271,20 @@ impl Proven {
         let ceiling = (0..noise.len()).map(|c| ground.ceiling(c, noise[c]).max(after.fit[c])).collect();
         let left = [&before, &after].map(|proof| loss(&shifted, &proof.simulated, noise, jitter));
         let training = loss(question.training, &trained[1].simulated, noise, jitter);
-        made.transfer = transfer(left[0], left[1], training);
-        if made.transfer == Transfer::Fails {
-            let leeway = moved(search, &selected.state, &shifted, &scene, &selected.whitening.noise);
-            let left_then = leeway.filter(|there| there.cost < AFFORDABLE).map(|there| loss(&shifted, &there.simulated, noise, jitter));
-            if left_then.is_some_and(|after| transfer(left[0], after, training) == Transfer::Holds) {
-                made.transfer = Transfer::Open;
-            }
-        }
         let withouts: Vec<Option<(&State, Proof)>> = rests.iter().map(|r| r.as_ref().map(|r| (r, on(&shifted, &scene, r)))).collect();
         let refuted = |(rest, without): &(&State, Proof)| {
-            let gain = selected.gained(setting, &selected.state.fit) - selected.gained(setting, &rest.fit);
+            let gain = search.gain(&selected.state.fit, rest);
             BorneOut::new(&selected.whitening.noise, &shifted, &after.simulated, &without.simulated, gain).refuted()
         };
-        if withouts.iter().flatten().any(refuted) {
-            made.transfer = Transfer::Fails;
-        }
+        let with_leeway = || {
+            let leeway = moved(search, &selected.state, &shifted, &scene, &selected.whitening.noise);
+            leeway.filter(|there| there.cost < AFFORDABLE).map(|there| loss(&shifted, &there.simulated, noise, jitter))
+        };
+        made.transfer = match transfer(left[0], left[1], training) {
+            _ if withouts.iter().flatten().any(refuted) => Transfer::Fails,
+            Transfer::Fails if with_leeway().is_some_and(|after| transfer(left[0], after, training) == Transfer::Holds) => Transfer::Open,
+            as_fitted => as_fitted,
+        };
         made.foreign = foreign(left[1], training);
         made.waterfall = waterfall(search, selected, &before, &after, &|state| on(&shifted, &scene, state).fit);
         let gained = |(_, without): &(&State, Proof)| {

@@ -12,11 +12,12 @@ use wheelwright_core::Dataset;
 use wheelwright_core::effect::Scene;
 
 use crate::adequacy::Jitter;
-use crate::answer::{MENTIONED, always, clocks, explanation, reach};
-use crate::holdout::{BorneOut, Ground, loss, shifted};
+use crate::answer::{MENTIONED, always, clocks, proven, reach};
+use crate::holdout::{BorneOut, loss, shifted};
 use crate::leeway::{Moved, moved};
 use crate::noise::Noise;
 use crate::question::Question;
+use crate::residuals::Series;
 use crate::screen::Response;
 use crate::select::{FINAL, Rival, SHARE, Search, Selected, State};
 
@@ -124,11 +125,7 @@ impl<'q> Bench<'q> {
 
     /// Mean loss on the held-out data, on the likeliest clock.
     fn loss(&self, search: &Search<'_>, state: &State) -> f64 {
-        let explanation = explanation(search, state);
-        self.likeliest(search, |data, scene| {
-            let ground = Ground { model: search.setting.model, data, scene, readout: search.setting.readout };
-            loss(data, &ground.prove(&explanation).simulated, &self.noise.deviation, self.jitter)
-        })
+        self.likeliest(search, |data, scene| loss(data, &proven(search, state, data, scene).simulated, &self.noise.deviation, self.jitter))
     }
 
     /// The same with the leeway that the training data leave, and what it costs there.
@@ -163,8 +160,21 @@ impl<'q> Bench<'q> {
 
     /// The selection without the member of which the held-out data know nothing and miss least, if there is such.
     fn borne_out(&self, search: &Search<'_>, selected: &Selected) -> Option<Selected> {
-        let (_, rest) = self.rests(search, selected).into_iter().find(|(_, rest)| self.refuted(search, selected, rest))?;
-        search.only(selected, &rest)
+        let rests = self.rests(search, selected);
+        if rests.is_empty() {
+            return None;
+        }
+        let with = |(data, scene)| (proven(search, &selected.state, &data, &scene).simulated, data, scene);
+        let clocks: Vec<(Series, Dataset, Scene)> = self.clocks(search).map(with).collect();
+        // Whether they know nothing, on whatever clock, of what the selection has beyond a rest.
+        let refuted = |rest: &State| {
+            let gain = search.gain(&selected.state.fit, rest);
+            clocks.iter().all(|(with, data, scene)| {
+                BorneOut::new(&self.noise, data, with, &proven(search, rest, data, scene).simulated, gain).refuted()
+            })
+        };
+        let (_, rest) = rests.iter().find(|(_, rest)| refuted(rest))?;
+        search.only(selected, rest)
     }
 
     /// The selection without each of its members, and the loss on the held-out data that this leaves; least first. One that stands alone has
@@ -178,17 +188,6 @@ impl<'q> Bench<'q> {
         let mut rests: Vec<(f64, State)> = rests.collect();
         rests.sort_by(|a, b| a.0.total_cmp(&b.0));
         rests
-    }
-
-    /// Whether the held-out data know nothing, on whatever clock, of what the selection has beyond another state.
-    fn refuted(&self, search: &Search<'_>, selected: &Selected, rest: &State) -> bool {
-        let setting = &search.setting;
-        let gain = selected.gained(setting, &selected.state.fit) - selected.gained(setting, &rest.fit);
-        self.clocks(search).all(|(data, scene)| {
-            let ground = Ground { model: setting.model, data: &data, scene: &scene, readout: setting.readout };
-            let [with, without] = [&selected.state, rest].map(|state| ground.prove(&explanation(search, state)).simulated);
-            BorneOut::new(&self.noise, &data, &with, &without, gain).refuted()
-        })
     }
 
     /// Whether a state does decisively better than another, as they were fitted and with leeway.

@@ -79,6 +79,12 @@ impl<'f> Field<'f> {
     fn asked(&self) -> f64 {
         (self.gain - SHARE * (self.gain + self.explained)).max(0.0)
     }
+
+    /// What it has to come near to, to be fitted to the end. Where nobody holds the place there is nobody to come near to, and what comes to
+    /// less than it costs is none.
+    fn least(&self, cost: f64) -> f64 {
+        if self.unbent.is_none() { cost + OUT_OF_REACH } else { self.asked() }
+    }
 }
 
 /// An effect on its way to the end of its fit.
@@ -165,8 +171,7 @@ impl<'a> Search<'a> {
             racing.retain(|r| r.reaches(self, best, asked, near));
             racing = thinned(racing, if self.setting.exhausted() { LAST } else { places });
         }
-        // What comes to less than an effect costs is none, however near: a place that nobody holds has no rivals.
-        let least = if field.unbent.is_none() { before + self.penalty(1.0) + OUT_OF_REACH } else { asked };
+        let least = before + field.least(self.penalty(1.0));
         let mut refined: Vec<Refined> = Vec::new();
         for Racing { effect, fit: coarse, .. } in racing {
             let indices: Vec<usize> = state.effects.iter().copied().chain([effect]).collect();

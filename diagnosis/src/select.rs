@@ -506,7 +506,7 @@ impl<'a> Search<'a> {
         let screened = self.screen(&rest, &selected.whitening, &responses);
         let others: Vec<Vec<Candidate>> = screened.into_iter().filter(|c| c[0].effect != dropped).collect();
         let unbent = self.unbent(&selected.state, member);
-        let gain = selected.state.fit.likelihood(&self.setting) - rest.fit.likelihood(&self.setting);
+        let gain = self.gain(&selected.state.fit, &rest);
         let field = Field::contest(&unbent, gain, selected.gained(&self.setting, &rest.fit));
         let refined = self.refine(&rest, &selected.whitening, &others, &responses, &field);
         (rest, refined)
@@ -601,10 +601,15 @@ impl<'a> Search<'a> {
         self.beyond(&selected.state.effects, &selected.state.fit, rest).1
     }
 
+    /// What a fit gains on another model under the same noise, in twice the log-likelihood.
+    pub(crate) fn gain(&self, fit: &Fit, rest: &State) -> f64 {
+        fit.likelihood(&self.setting) - rest.fit.likelihood(&self.setting)
+    }
+
     /// Degrees of freedom that a model has beyond another, and its penalised gain.
     pub(crate) fn beyond(&self, effects: &[usize], fit: &Fit, rest: &State) -> (f64, f64) {
         let freedom = self.freedom(effects, fit) - self.freedom(&rest.effects, &rest.fit);
-        (freedom, fit.likelihood(&self.setting) - rest.fit.likelihood(&self.setting) - self.penalty(freedom))
+        (freedom, self.gain(fit, rest) - self.penalty(freedom))
     }
 }
 

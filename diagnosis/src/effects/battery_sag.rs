@@ -7,8 +7,9 @@
 
 use serde::{Deserialize, Serialize};
 use wheelwright_core::Effect;
-use wheelwright_core::effect::{Confusion, EffectParameter, Estimate, Frame, Instant, Motion, Scene, Stage, Start};
+use wheelwright_core::effect::{Confusion, EffectParameter, Estimate, Instant, Motion, Scene, Stage, Start};
 
+use super::force;
 use super::words::{digits, quantity, scaled};
 
 /// A supply that runs down, or anything else that changes the gain of all commands in proportion to time.
@@ -60,8 +61,7 @@ impl Effect for BatterySag {
     }
 
     fn inapplicable(&self, scene: &Scene) -> Option<String> {
-        (self.servo && !matches!(scene.frame, Frame::Body { .. }))
-            .then(|| "the robot is not commanded by velocities: no loop keeps a wheel's rate".to_owned())
+        if self.servo { force::needs_loops(scene) } else { None }
     }
 
     fn parameters(&self, scene: &Scene) -> Vec<EffectParameter> {
@@ -87,7 +87,6 @@ impl Effect for BatterySag {
 
     fn statement(&self, values: &[Estimate], scene: &Scene) -> String {
         let k = values[0];
-        let verb = if k.value < 0.0 { "gain" } else { "lose" };
         let what = if self.servo { "the speed loops" } else { "commands" };
         let size = |unit: f64| quantity(scaled(k, |x| unit * x * k.value.signum()), "%");
         if let (true, Some(time)) = (self.settles, values.get(1)) {
@@ -97,6 +96,7 @@ impl Effect for BatterySag {
                 size(100.0)
             );
         }
+        let verb = if k.value < 0.0 { "gain" } else { "lose" };
         let a_minute = size(6000.0);
         let total = digits(100.0 * (k.value * duration(scene)).abs());
         format!("{what} {verb} {a_minute} of their effect a minute, {total} % over the recording; the model's drive stayed the same")

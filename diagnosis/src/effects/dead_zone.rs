@@ -5,9 +5,9 @@
 
 use serde::{Deserialize, Serialize};
 use wheelwright_core::Effect;
-use wheelwright_core::effect::{Confusion, EffectParameter, Estimate, Frame, Instant, Motion, Scene, Stage, Start};
+use wheelwright_core::effect::{Confusion, EffectParameter, Estimate, Instant, Motion, Scene, Stage, Start};
 
-use super::force::Wheel;
+use super::force::{self, Wheel};
 use super::parts::{Axis, Parts, shares};
 use super::words::{KINK, each, quantity};
 
@@ -59,10 +59,8 @@ impl Effect for DeadZone {
     }
 
     fn inapplicable(&self, scene: &Scene) -> Option<String> {
-        if self.servo && !matches!(scene.frame, Frame::Body { .. }) {
-            return Some("the robot is not commanded by velocities: no loop keeps a wheel's rate".to_owned());
-        }
-        Parts::refuse(scene.frame, self.wheel, self.axis)
+        let looped = if self.servo { force::needs_loops(scene) } else { None };
+        looped.or_else(|| Parts::refuse(scene.frame, self.wheel, self.axis))
     }
 
     fn parameters(&self, scene: &Scene) -> Vec<EffectParameter> {
@@ -148,9 +146,8 @@ impl Effect for DeadZone {
         if !self.servo {
             return;
         }
-        let frame = at.scene.frame;
-        let (told, done) = (frame.wheels(motion.u), frame.wheels(motion.outputs));
-        let lost = [0, 1].map(|i| -(told[i] - done[i]).clamp(-p[0].abs(), p[0].abs()));
-        drive.iter_mut().zip(frame.from_wheels(lost)).for_each(|(drive, d)| *drive += d);
+        let frame = &at.scene.frame;
+        let lost = force::loop_errors(frame, motion).map(|e| -e.clamp(-p[0].abs(), p[0].abs()));
+        frame.add_at_wheels(lost, 1.0, drive);
     }
 }

@@ -50,6 +50,18 @@ pub(super) fn needs_commands(scene: &Scene) -> Option<String> {
     (inputs != outputs).then(|| format!("{outputs} outputs and {inputs} inputs: which input moves which output is not known"))
 }
 
+/// Why an effect on the loops that keep the wheels' rates cannot act, if it cannot.
+pub(super) fn needs_loops(scene: &Scene) -> Option<String> {
+    (!matches!(scene.frame, Frame::Body { .. }))
+        .then(|| "the robot is not commanded by velocities: no loop keeps a wheel's rate".to_owned())
+}
+
+/// What each wheel's loop sees between what it is told and what the wheel does.
+pub(super) fn loop_errors(frame: &Frame, motion: &Motion<'_>) -> [f64; 2] {
+    let (told, done) = (frame.wheels(motion.u), frame.wheels(motion.outputs));
+    [told[0] - done[0], told[1] - done[1]]
+}
+
 /// Unit of a force at a wheel; of the first channel's where there are none.
 pub(super) fn unit(scene: &Scene) -> &str {
     match scene.frame {

@@ -5,8 +5,9 @@
 
 use serde::{Deserialize, Serialize};
 use wheelwright_core::Effect;
-use wheelwright_core::effect::{Confusion, EffectParameter, Estimate, Frame, Instant, Motion, Scene, Stage, Start};
+use wheelwright_core::effect::{Confusion, EffectParameter, Estimate, Instant, Motion, Scene, Stage, Start};
 
+use super::force;
 use super::words::{digits, quantity};
 
 /// A stronger wheel: unequal motors, amplifiers, or wheels in a drive without encoders.
@@ -36,10 +37,8 @@ impl Effect for GainAsymmetry {
     }
 
     fn inapplicable(&self, scene: &Scene) -> Option<String> {
-        if self.servo && !matches!(scene.frame, Frame::Body { .. }) {
-            return Some("the robot is not commanded by velocities: no loop keeps a wheel's rate".to_owned());
-        }
-        (!scene.frame.has_wheels()).then(|| "the model's channels do not tell the wheels' commands".to_owned())
+        let looped = if self.servo { force::needs_loops(scene) } else { None };
+        looped.or_else(|| (!scene.frame.has_wheels()).then(|| "the model's channels do not tell the wheels' commands".to_owned()))
     }
 
     fn parameters(&self, _scene: &Scene) -> Vec<EffectParameter> {
@@ -109,9 +108,8 @@ impl Effect for GainAsymmetry {
         if !self.servo {
             return;
         }
-        let frame = at.scene.frame;
-        let (told, done) = (frame.wheels(motion.u), frame.wheels(motion.outputs));
-        let added = frame.from_wheels([-p[0] * (told[0] - done[0]), p[0] * (told[1] - done[1])]);
-        drive.iter_mut().zip(added).for_each(|(drive, d)| *drive += d);
+        let frame = &at.scene.frame;
+        let [left, right] = force::loop_errors(frame, motion);
+        frame.add_at_wheels([-p[0] * left, p[0] * right], 1.0, drive);
     }
 }

@@ -5,6 +5,7 @@ use wheelwright_core::Effect;
 use wheelwright_core::effect::{Confusion, EffectParameter, Estimate, Frame, Instant, Scene, Stage, Start};
 use wheelwright_core::simulation::Readout;
 
+use super::force;
 use super::late;
 use super::reading::mean;
 use super::words::quantity;
@@ -46,8 +47,7 @@ impl Effect for SensorDelay {
     }
 
     fn inapplicable(&self, scene: &Scene) -> Option<String> {
-        (self.each_axis && scene.inputs.len() != scene.outputs.len())
-            .then(|| "the model's inputs and outputs do not come in pairs: there are no axes that could be late alone".to_owned())
+        if self.each_axis { force::needs_commands(scene) } else { None }
     }
 
     fn parameters(&self, scene: &Scene) -> Vec<EffectParameter> {

@@ -114,9 +114,9 @@ impl Effect for VelocitySaturation {
     }
 
     fn command(&self, p: &[f64], at: &Instant<'_>, _outputs: &[f64], _state: &mut [f64], u: &mut [f64]) {
-        let hardness = if self.soft { p.last().copied() } else { None };
+        let hardness = p.last().filter(|_| self.soft);
         self.parts(at.scene).change(u, |_, i, command| match hardness {
-            Some(hardness) => command * (1.0 + (command / p[i]).abs().powf(hardness)).powf(-1.0 / hardness),
+            Some(hardness) => command * (1.0 + (command / p[i]).abs().powf(*hardness)).powf(-1.0 / hardness),
             None => command.clamp(-p[i].abs(), p[i].abs()),
         });
     }

@@ -9,7 +9,7 @@
 
 use serde::{Deserialize, Serialize};
 use wheelwright_core::Effect;
-use wheelwright_core::effect::{Confusion, EffectParameter, Estimate, Frame, Instant, Scene, Stage, Start};
+use wheelwright_core::effect::{Confusion, EffectParameter, Estimate, Instant, Scene, Stage, Start};
 
 use super::force::{self, Wheel};
 use super::words::{digits, quantity};
@@ -104,10 +104,7 @@ impl Effect for WheelEccentricity {
             .or_else(|| {
                 scene.wheel_radius.is_none().then(|| "the wheels' radius is not known (`wheel_radius` in the robot's profile)".to_owned())
             })
-            .or_else(|| {
-                let looped = self.ripple == Ripple::Reading || matches!(scene.frame, Frame::Body { .. });
-                (!looped).then(|| "the robot is not commanded by velocities: no loop keeps a wheel's rate".to_owned())
-            })
+            .or_else(|| if self.ripple == Ripple::Rolling { force::needs_loops(scene) } else { None })
     }
 
     /// A and B of each wheel, where it rolls C and D of each and the turning ratio, and the radius.

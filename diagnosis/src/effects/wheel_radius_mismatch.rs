@@ -12,7 +12,7 @@
 
 use serde::{Deserialize, Serialize};
 use wheelwright_core::Effect;
-use wheelwright_core::effect::{Confusion, EffectParameter, Estimate, Frame, Instant, Motion, Scene, Stage, Start};
+use wheelwright_core::effect::{Confusion, EffectParameter, Estimate, Instant, Motion, Scene, Stage, Start};
 
 use super::force::{self, Wheel};
 use super::words::{digits, quantity, scaled};
@@ -68,10 +68,7 @@ impl Effect for WheelRadiusMismatch {
     }
 
     fn inapplicable(&self, scene: &Scene) -> Option<String> {
-        force::needs_wheels(scene).or_else(|| {
-            let looped = self.speeds == Speeds::Reading || matches!(scene.frame, Frame::Body { .. });
-            (!looped).then(|| "the robot is not commanded by velocities: no loop keeps a wheel's rate".to_owned())
-        })
+        force::needs_wheels(scene).or_else(|| if self.speeds == Speeds::Reading { None } else { force::needs_loops(scene) })
     }
 
     fn parameters(&self, scene: &Scene) -> Vec<EffectParameter> {
