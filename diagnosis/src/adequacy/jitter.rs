@@ -14,8 +14,11 @@ use super::bursts::FALSE_ALARM;
 /// Squared innovations are cut here, so that single outliers decide nothing.
 const CUT: f64 = 9.0;
 
-/// Share of the noise's variance, on the average, below which other noise covers the scatter.
+/// Share of the noise's variance, on the average over the scatter that jitter makes, below which other noise covers it.
 const COVERED: f64 = 0.1;
+
+/// Standard errors by which noise must grow: their square is the evidence that a parameter must have to be searched for (ln N + 2 ln 50).
+const SURE: f64 = 4.0;
 
 /// Stamps that jitter.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -61,8 +64,9 @@ pub(super) fn find(comparison: &Comparison<'_>) -> Option<Jitter> {
     let Growth { still, variance, error } = growth(&squares, &slopes)?;
     let chance = growth_of_neighbours(&products, &pairs, variance) < 0.5 * variance;
     let orderly = variance < comparison.scene.scales.period.powi(2);
-    let seen = variance * slopes.iter().sum::<f64>() > COVERED * slopes.len() as f64;
-    (variance > 2.0 * error && chance && orderly && seen).then(|| Jitter {
+    // Jitter is at home where an output changes fast, which may be seldom: what it makes counts where it makes it.
+    let seen = variance * slopes.iter().map(|s| s * s).sum::<f64>() > COVERED * slopes.iter().sum::<f64>();
+    (variance > SURE * error && chance && orderly && seen).then(|| Jitter {
         deviation: variance.sqrt(),
         error: error / (2.0 * variance.sqrt()),
         z: combined,

@@ -118,6 +118,16 @@ fn jittering_stamps_show_their_jitter() {
     assert!(hits >= 9, "{hits} of 10");
 }
 
+/// Less than a tenth of the noise's variance on the whole, but more where speeds change.
+#[test]
+fn jitter_counts_where_it_scatters() {
+    let jitters = |seed: u64| {
+        let case = Case::new(seed, |_, i, y, slope, random| y + NOISE[i] * normal(random) + 0.003 * slope * normal(random));
+        case.compare(None, |c| examine(c, seed)).jitter.is_some()
+    };
+    assert!((0..10).filter(|seed| jitters(*seed)).count() >= 9);
+}
+
 #[test]
 fn counts_are_a_lattice_and_its_quantum_is_found() {
     let quantum = 0.012;

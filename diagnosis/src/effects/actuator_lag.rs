@@ -24,6 +24,16 @@ const LONGEST: f64 = 1.0;
 /// Damping considered: from a vibration that rings for a while to none (two equal lags).
 const DAMPING: (f64, f64) = (0.05, 1.0);
 
+/// Share of a sampling interval below which a lag is none: no step of a simulation is as short, and what is filtered would come a step late.
+const NONE: f64 = 1e-3;
+
+impl ActuatorLag {
+    /// Time constant below which there is none \[s\]. The fastest resonance that samples can tell is at half their rate.
+    fn least(&self, scene: &Scene) -> f64 {
+        scene.scales.period * if self.resonant { std::f64::consts::FRAC_1_PI } else { NONE }
+    }
+}
+
 #[typetag::serde(name = "actuator_lag")]
 impl Effect for ActuatorLag {
     fn name(&self) -> &str {
@@ -120,7 +130,9 @@ impl Effect for ActuatorLag {
         let start = at.stretch.time[at.row];
         let elapsed = at.time - start;
         let next = |lag: &f64| {
-            if self.resonant {
+            if *lag < self.least(at.scene) {
+                f64::INFINITY
+            } else if self.resonant {
                 let counts = [1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0];
                 counts.iter().map(|count| count * lag).find(|t| *t > elapsed + 1e-3 * lag).unwrap_or(f64::INFINITY)
             } else if elapsed < 6.999 * lag {
@@ -141,7 +153,11 @@ impl Effect for ActuatorLag {
         let one = lags.len() == 1;
         for (i, (state, u)) in state.chunks_exact_mut(3).zip(u).enumerate() {
             let lag = lags[if one { 0 } else { i }];
-            follow(lag, damping, at.span, state, *u);
+            if lag < self.least(at.scene) {
+                state.copy_from_slice(&[*u, *u, 0.0]);
+            } else {
+                follow(lag, damping, at.span, state, *u);
+            }
             *u = state[0];
         }
     }
@@ -150,9 +166,7 @@ impl Effect for ActuatorLag {
 /// Lets a filter run for a span in which the command goes straight from the one that last arrived to `u`.
 fn follow(lag: f64, damping: Option<f64>, span: f64, state: &mut [f64], u: f64) {
     let [filtered, arrived, slope] = state else { return };
-    if lag <= 0.0 {
-        (*filtered, *slope) = (u, 0.0);
-    } else if span > 0.0 {
+    if span > 0.0 {
         // Behind a command that runs straight a filter runs behind in parallel; what differs from that decays.
         let run = (u - *arrived) / span;
         let behind = lag * run * damping.map_or(1.0, |d| 2.0 * d);

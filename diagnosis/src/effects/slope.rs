@@ -1,7 +1,8 @@
 //! The ground is not level: gravity takes a_c cos ψ + a_s sin ψ off the forward command, ψ the measured heading.
 //!
 //! A centre of mass ahead of the axle turns the robot downhill: η (a_c sin ψ − a_s cos ψ) is added to the turning command, with
-//! η = ρ b/h² for a centre b ahead, h half the track and ρ the turning ratio.
+//! η = ρ b/h² for a centre b ahead, h half the track and ρ the turning ratio. A centre to one side is turned by the pull along the robot: σ
+//! (a_c cos ψ + a_s sin ψ) more. Most robots carry it in the middle.
 
 use serde::{Deserialize, Serialize};
 use wheelwright_core::Effect;
@@ -9,6 +10,9 @@ use wheelwright_core::effect::{Confusion, EffectParameter, Estimate, Frame, Inst
 
 use super::force;
 use super::words::{percent, quantity};
+
+/// How far a centre of mass usually lies to one side, of half the track.
+const ASIDE: f64 = 0.1;
 
 /// A slope.
 #[derive(Debug, Clone, Default, Serialize, Deserialize)]
@@ -40,13 +44,15 @@ impl Effect for Slope {
         let (typical, unit) = (force::command(scene, 0), force::unit(scene));
         let pull = |name: &str| EffectParameter::new(name, unit, (-2.0 * typical, 2.0 * typical), 0.05 * typical).neutral(0.0);
         // The centre of mass of a robot that stands is within its track's size of the axle, and ρ below four.
-        let reach = 4.0 / scene.frame.half_track();
-        vec![pull("pull_cos"), pull("pull_sin"), EffectParameter::new("turning_share", "1/m", (-reach, reach), 0.05 * reach).neutral(0.0)]
+        let h = scene.frame.half_track();
+        let reach = 4.0 / h;
+        let share = |name: &str| EffectParameter::new(name, "1/m", (-reach, reach), 0.05 * reach).neutral(0.0);
+        vec![pull("pull_cos"), pull("pull_sin"), share("turning_share"), share("sideways_share").usually(0.0, ASIDE / h)]
     }
 
     fn starts(&self, scene: &Scene) -> Vec<Start> {
         let pull = 0.05 * force::command(scene, 0);
-        vec![Start { values: vec![pull, pull, 0.0], columns: vec![vec![0], vec![1]], linear: true }]
+        vec![Start { values: vec![pull, pull, 0.0, 0.0], columns: vec![vec![0], vec![1]], linear: true }]
     }
 
     fn statement(&self, values: &[Estimate], scene: &Scene) -> String {
@@ -93,6 +99,7 @@ impl Effect for Slope {
 
     fn load(&self, p: &[f64], at: &Instant<'_>, _outputs: &[f64], _state: &[f64], load: &mut [f64]) {
         let (sin, cos) = at.heading().sin_cos();
-        at.scene.frame.add_at_body([p[0] * cos + p[1] * sin, p[2] * (p[1] * cos - p[0] * sin)], load);
+        let (along, across) = (p[0] * cos + p[1] * sin, p[1] * cos - p[0] * sin);
+        at.scene.frame.add_at_body([along, p[2] * across + p[3] * along], load);
     }
 }

@@ -264,7 +264,7 @@ fn a_motor_with_a_dead_zone_does_not_push_at_small_errors() {
 #[test]
 fn a_slope_pulls_by_the_measured_heading() {
     let rig = body();
-    let (c, s, share) = (0.05, -0.08, 0.9);
+    let (c, s, share, aside) = (0.05, -0.08, 0.9, 0.4);
     let stretch = rig.stretch();
     // Heading by trapezoids over the record, straight between samples.
     let mut heading = vec![0.0];
@@ -276,11 +276,11 @@ fn a_slope_pulls_by_the_measured_heading() {
         let k = (stretch.time.partition_point(|x| *x <= t).max(1) - 1).min(stretch.len() - 2);
         heading[k] + (heading[k + 1] - heading[k]) * (t - stretch.time[k]) / (stretch.time[k + 1] - stretch.time[k])
     };
-    let error = rig.error(&Slope {}, &[c, s, share], rig.start, &[], |t, u, x| {
+    let error = rig.error(&Slope {}, &[c, s, share, aside], rig.start, &[], |t, u, x| {
         let psi = at(t);
         // Gravity in the world, −(c, s), seen from the body.
         let (along, across) = (-c * psi.cos() - s * psi.sin(), c * psi.sin() - s * psi.cos());
-        (rig.base)([u[0] + along, u[1] + share * across], x)
+        (rig.base)([u[0] + along, u[1] + share * across + aside * along], x)
     });
     assert!(error < 1e-4, "{error}");
 }

@@ -7,7 +7,7 @@ use proptest::prelude::*;
 use wheelwright_core::effect::{Effect, EffectParameter, EffectSimulator, Estimate, Instant, Place, Scene, Start};
 use wheelwright_core::model::ModelError;
 use wheelwright_core::simulation::Readout;
-use wheelwright_diagnosis::effects::{CoulombFriction, CoulombFrictionOneWheel, StribeckFriction, Wheel, library};
+use wheelwright_diagnosis::effects::{ActuatorLag, CoulombFriction, CoulombFrictionOneWheel, StribeckFriction, Wheel, library};
 
 /// The names of the contract (section 5).
 const NAMES: [&str; 29] = [
@@ -73,6 +73,18 @@ fn neutral_values_give_the_base_run() {
                 let worst = run.iter().flatten().zip(plain.iter().flatten()).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
                 assert!(worst < 1e-9, "{} at {values:?}: {worst}", effect.name());
             }
+        }
+    }
+}
+
+/// A lag shorter than any step of the simulation came a step late, and that had evidence; a resonance above half the sampling rate is none.
+#[test]
+fn a_lag_too_short_to_be_one_gives_the_base_run() {
+    for rig in [body(), sides()] {
+        let (period, plain) = (rig.scene().scales.period, rig.run(&[], &[]));
+        for (resonant, values) in [(false, vec![1e-9 * period]), (true, vec![1e-9 * period, 0.2]), (true, vec![0.3 * period, 0.2])] {
+            let run = rig.run(&[&ActuatorLag { each_axis: false, resonant }], &values);
+            assert!(run.iter().flatten().zip(plain.iter().flatten()).all(|(a, b)| (a - b).abs() < 1e-9), "{values:?}");
         }
     }
 }
