@@ -95,6 +95,13 @@ fn coloured(noise: &Noise) -> bool {
     noise.deviation.iter().zip(&noise.innovation).any(|(all, new)| *all > COLOURED * new)
 }
 
+/// A member's rivals, and those of the others.
+fn others(selected: &mut Selected, member: usize) -> (Vec<Rival>, Vec<Vec<Rival>>) {
+    let mut rivals = std::mem::take(&mut selected.rivals);
+    rivals.resize(selected.state.effects.len(), Vec::new());
+    (rivals.remove(member), rivals)
+}
+
 /// Whether one family is the other or a part of it.
 fn related(a: &str, b: &str) -> bool {
     a.split('/').zip(b.split('/')).all(|(a, b)| a == b)
@@ -451,16 +458,14 @@ impl<'a> Search<'a> {
 
     /// The selection without members that are worth nothing once all is fitted to the end: a place was contested under other noise, or with others beside
     /// it. And what it is without each that stays.
-    pub(crate) fn settled(&self, mut selected: Selected) -> (Selected, Vec<Option<State>>) {
+    pub(crate) fn settled(&self, selected: Selected) -> (Selected, Vec<Option<State>>) {
+        let mut selected = self.named(selected);
         let (mut member, mut rests) = (self.fixed(&selected), self.rests(&selected));
         while member < selected.state.effects.len() {
             let rest = rests[member].as_ref().filter(|rest| self.worth(&selected, rest) <= 0.0);
             match rest.and_then(|rest| self.only(&selected, rest)) {
                 Some(fewer) => {
-                    let mut rivals = std::mem::take(&mut selected.rivals);
-                    if member < rivals.len() {
-                        rivals.remove(member);
-                    }
+                    let (_, rivals) = others(&mut selected, member);
                     selected = Selected { rivals, ..fewer };
                     rests = self.rests(&selected);
                 }
@@ -468,6 +473,34 @@ impl<'a> Search<'a> {
             }
         }
         (selected, rests)
+    }
+
+    /// The selection with its members by the names of what they are where a part of them does nothing. No contest may have been left to see it.
+    fn named(&self, mut selected: Selected) -> Selected {
+        for member in (self.fixed(&selected)..selected.state.effects.len()).rev() {
+            let Some(narrow) = self.narrowed(&selected, member) else { continue };
+            let (mut own, mut rivals) = others(&mut selected, member);
+            own.retain(|r| Some(&r.effect) != narrow.state.effects.last());
+            // The one that came in stands last.
+            rivals.push(own);
+            selected = Selected { rivals, ..narrow };
+        }
+        selected
+    }
+
+    /// The selection with a member that is a narrower effect as that effect, if it explains as much.
+    fn narrowed(&self, selected: &Selected, member: usize) -> Option<Selected> {
+        let values = &self.fitted(&selected.state).values[member];
+        let name = self.effect(selected.state.effects[member]).narrower(values, self.setting.scene)?;
+        let rest = self.without(selected, member)?;
+        let z = self.unbent(&selected.state, member);
+        let narrow = self.open.iter().filter(|i| self.effect(**i).name() == name && self.joins(**i, &rest.effects));
+        let placed = narrow.filter_map(|i| self.placed(*i, &z, selected, &rest));
+        let best = placed.max_by(|a, b| a.score.total_cmp(&b.score))?;
+        let state = State { effects: rest.effects.iter().copied().chain([best.effect]).collect(), fit: best.fit };
+        let narrow = self.only(selected, &state)?;
+        let gain = self.gain(&narrow.state.fit, &rest);
+        (self.gain(&selected.state.fit, &rest) - gain <= EXCHANGE.max(SHARE * gain)).then_some(narrow)
     }
 
     /// Each member's rivals with those that are the same under every drive, which a race may have left behind.

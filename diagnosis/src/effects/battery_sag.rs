@@ -1,27 +1,44 @@
 //! The drive weakens with time: U' = (1 − k (t − t0)) U, with t0 the recording's first time.
 //!
-//! With `settles` it weakens quickly first and then slowly, as a supply does that has just been charged: U' = (1 − K (1 − e^{−(t − t0)/τ})) U.
+//! A `settling` supply weakens quickly first and then slowly, as one does that has just been charged: U' = (1 − K (1 − e^{−(t − t0)/τ})) U.
+//!
+//! A `loaded` one has a resistance of its own and gives way to the current that it is asked for as well: U' = (1 − k (t − t0) − r P) U. By the balance
+//! of power the current is P = Σ U_w e_w/2c² over the wheels, e_w what drives a wheel's motor against its back-EMF and c a typical command: r is lost
+//! where such a command meets a wheel that stands.
 //!
 //! With `servo` it is the gain of the speed loops that weakens, and not what they are told alone: the drive loses that share of u − x, x what
 //! the robot does.
 
 use serde::{Deserialize, Serialize};
 use wheelwright_core::Effect;
-use wheelwright_core::effect::{Confusion, EffectParameter, Estimate, Instant, Motion, Scene, Stage, Start};
+use wheelwright_core::effect::{Confusion, EffectParameter, Estimate, Frame, Instant, Motion, Scene, Stage, Start};
 
 use super::force;
 use super::words::{digits, quantity, scaled};
 
-/// A supply that runs down, or anything else that changes the gain of all commands in proportion to time.
+/// How a supply weakens.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum SagLaw {
+    /// In proportion to time.
+    #[default]
+    Steady,
+    /// Quickly first, then slowly.
+    Settling,
+    /// In proportion to time, and to the current it is asked for.
+    Loaded,
+}
+
+/// A supply that runs down or gives way, or anything else that changes the gain of all commands alike.
 #[derive(Debug, Clone, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct BatterySag {
     /// The loops weaken, not their commands. Default `false`.
     #[serde(default)]
     pub servo: bool,
-    /// Quickly first, then slowly. Default `false`.
-    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
-    pub settles: bool,
+    /// How. Default `steady`.
+    #[serde(default)]
+    pub law: SagLaw,
 }
 
 /// Times in which a supply settles that are tried, as shares of the recording, and the shortest and the longest that are told: less is a
@@ -29,12 +46,32 @@ pub struct BatterySag {
 const TIMES: [f64; 3] = [0.1, 0.25, 0.6];
 const TOLD: (f64, f64) = (0.02, 2.0);
 
+/// Share by which a supply is tried to give way, and the most that is left of it under any load.
+const GIVES_WAY: f64 = 0.1;
+const LEFT: f64 = 0.1;
+
 impl BatterySag {
     /// What is lost at a time. On a recording that ends later than the one it was found on, a drive still does not turn round.
     fn lost(&self, p: &[f64], at: &Instant<'_>) -> f64 {
         let since = at.time - at.scene.scales.time.0;
-        if self.settles { -p[0] * (-since / p[1]).exp_m1() } else { (p[0] * since).min(1.0) }
+        match self.law {
+            SagLaw::Settling => -p[0] * (-since / p[1]).exp_m1(),
+            SagLaw::Steady | SagLaw::Loaded => (p[0] * since).min(1.0),
+        }
     }
+
+    /// Whether it acts on what drives, and not on commands.
+    fn drives(&self) -> bool {
+        self.servo || self.law == SagLaw::Loaded
+    }
+}
+
+/// P: the power that both wheels ask for, in terms of what they ask for where a typical command meets wheels that stand.
+fn power(at: &Instant<'_>, motion: &Motion<'_>, drive: &[f64]) -> f64 {
+    let frame = at.scene.frame;
+    let asked = frame.wheels(motion.u);
+    let against = if matches!(frame, Frame::Body { .. }) { force::loop_errors(&frame, motion) } else { frame.wheels(drive) };
+    0.5 * (asked[0] * against[0] + asked[1] * against[1]) / at.scene.scales.command.powi(2)
 }
 
 /// Seconds from the first to the last sample.
@@ -49,7 +86,11 @@ impl Effect for BatterySag {
     }
 
     fn about(&self) -> String {
-        let how = if self.settles { "with time, quickly first" } else { "steadily with time" };
+        let how = match self.law {
+            SagLaw::Steady => "steadily with time",
+            SagLaw::Settling => "with time, quickly first",
+            SagLaw::Loaded => "with time and under load",
+        };
         match self.servo {
             false => format!("all commands lose effect {how}"),
             true => format!("the speed loops weaken {how}"),
@@ -57,49 +98,67 @@ impl Effect for BatterySag {
     }
 
     fn stage(&self) -> Stage {
-        if self.servo { Stage::Drive } else { Stage::Gain }
+        if self.drives() { Stage::Drive } else { Stage::Gain }
     }
 
     fn inapplicable(&self, scene: &Scene) -> Option<String> {
-        if self.servo { force::needs_loops(scene) } else { None }
+        match (self.servo, self.law) {
+            (true, _) => force::needs_loops(scene),
+            (false, SagLaw::Loaded) => force::needs_wheels(scene),
+            (false, _) => None,
+        }
     }
 
     fn parameters(&self, scene: &Scene) -> Vec<EffectParameter> {
         // At the end nothing is left of the drive, or it is twice as strong: beyond that it is no sag. A supply that settles falls.
         let per_second = 1.0 / duration(scene);
-        if self.settles {
-            let (shortest, longest) = (TOLD.0 / per_second, TOLD.1 / per_second);
-            return vec![
-                EffectParameter::new("lost", "1", (0.0, 1.0), 0.03).neutral(0.0),
-                EffectParameter::new("settling_time", "s", (shortest, longest), 0.05 / per_second),
-            ];
+        let sag = EffectParameter::new("sag", "1/s", (-per_second, per_second), 0.03 * per_second).neutral(0.0);
+        let share = |name: &str| EffectParameter::new(name, "1", (0.0, 1.0), 0.03).neutral(0.0);
+        match self.law {
+            SagLaw::Steady => vec![sag],
+            SagLaw::Settling => {
+                let told = (TOLD.0 / per_second, TOLD.1 / per_second);
+                vec![share("lost"), EffectParameter::new("settling_time", "s", told, 0.05 / per_second)]
+            }
+            SagLaw::Loaded => vec![share("lost_under_load"), sag],
         }
-        vec![EffectParameter::new("sag", "1/s", (-per_second, per_second), 0.03 * per_second).neutral(0.0)]
     }
 
     fn starts(&self, scene: &Scene) -> Vec<Start> {
-        let start = |values| Start { values, columns: vec![vec![0]], linear: true };
-        if self.settles {
-            return TIMES.iter().map(|share| start(vec![0.03, share * duration(scene)])).collect();
+        let start = |values: Vec<f64>| Start { columns: (0..values.len()).map(|i| vec![i]).collect(), values, linear: true };
+        let steady = 0.03 / duration(scene);
+        match self.law {
+            SagLaw::Steady => vec![start(vec![steady])],
+            SagLaw::Settling => {
+                let after = |share: f64| Start { values: vec![0.03, share * duration(scene)], columns: vec![vec![0]], linear: true };
+                TIMES.map(after).into()
+            }
+            SagLaw::Loaded => vec![start(vec![GIVES_WAY, steady])],
         }
-        vec![start(vec![0.03 / duration(scene)])]
     }
 
     fn statement(&self, values: &[Estimate], scene: &Scene) -> String {
-        let k = values[0];
         let what = if self.servo { "the speed loops" } else { "commands" };
-        let size = |unit: f64| quantity(scaled(k, |x| unit * x * k.value.signum()), "%");
-        if let (true, Some(time)) = (self.settles, values.get(1)) {
-            let time = quantity(*time, "s");
-            return format!(
-                "{what} lose {} of their effect, quickly first, most of it within {time}; the model's drive stayed the same",
-                size(100.0)
-            );
-        }
-        let verb = if k.value < 0.0 { "gain" } else { "lose" };
-        let a_minute = size(6000.0);
-        let total = digits(100.0 * (k.value * duration(scene)).abs());
-        format!("{what} {verb} {a_minute} of their effect a minute, {total} % over the recording; the model's drive stayed the same")
+        let steady = |k: Estimate| {
+            let verb = if k.value < 0.0 { "gain" } else { "lose" };
+            let a_minute = quantity(scaled(k, |x| 6000.0 * x * k.value.signum()), "%");
+            let total = digits(100.0 * (k.value * duration(scene)).abs());
+            format!("{verb} {a_minute} of their effect a minute, {total} % over the recording")
+        };
+        let lost = || quantity(scaled(values[0], |x| 100.0 * x), "%");
+        let said = match self.law {
+            SagLaw::Steady => format!("{what} {}", steady(values[0])),
+            SagLaw::Settling => {
+                let time = quantity(values[1], "s");
+                format!("{what} lose {} of their effect, quickly first, most of it within {time}", lost())
+            }
+            SagLaw::Loaded => format!(
+                "the supply gives way under load: {what} lose {} of their effect where a typical command meets wheels that stand, and {}",
+                lost(),
+                steady(values[1])
+            ),
+        };
+        format!("{said}; the model's drive stayed the same")
     }
 
     fn excitation(&self) -> &'static str {
@@ -108,6 +167,10 @@ impl Effect for BatterySag {
 
     fn confusions(&self) -> &'static [Confusion] {
         &[
+            Confusion {
+                with: "torque_saturation",
+                because: "a supply that gives way under load bounds the force as a limit does, if softly",
+            },
             Confusion {
                 with: "payload_change",
                 because: "if accelerations are few, a step in the middle and a steady change differ in the shape of their trend only",
@@ -120,12 +183,17 @@ impl Effect for BatterySag {
     }
 
     fn command(&self, p: &[f64], at: &Instant<'_>, _outputs: &[f64], _state: &mut [f64], u: &mut [f64]) {
-        let lost = if self.servo { 0.0 } else { self.lost(p, at) };
+        let lost = if self.drives() { 0.0 } else { self.lost(p, at) };
         u.iter_mut().for_each(|u| *u -= lost * *u);
     }
 
     fn drive(&self, p: &[f64], at: &Instant<'_>, motion: &Motion<'_>, _state: &[f64], drive: &mut [f64]) {
-        let lost = if self.servo { self.lost(p, at) } else { 0.0 };
-        drive.iter_mut().zip(motion.u.iter().zip(motion.outputs)).for_each(|(drive, (u, x))| *drive -= lost * (u - x));
+        let lost = match (self.drives(), self.law) {
+            (false, _) => return,
+            (true, SagLaw::Loaded) => (p[0] * power(at, motion, drive) + self.lost(&p[1..], at)).min(1.0 - LEFT),
+            (true, _) => self.lost(p, at),
+        };
+        let held = if self.servo { 1.0 } else { 0.0 };
+        drive.iter_mut().zip(motion.u.iter().zip(motion.outputs)).for_each(|(drive, (u, x))| *drive -= lost * (u - held * x));
     }
 }

@@ -78,7 +78,7 @@ pub(crate) use words::digits;
 
 pub use actuator_lag::ActuatorLag;
 pub use backlash::Backlash;
-pub use battery_sag::BatterySag;
+pub use battery_sag::{BatterySag, SagLaw};
 pub use castor_drag::{CastorDrag, CastorKind};
 pub use command_delay::CommandDelay;
 pub use command_offset::CommandOffset;
@@ -139,9 +139,11 @@ fn command_side() -> Vec<Box<dyn Effect>> {
         Box::new(GainAsymmetry::default()),
         Box::new(GainAsymmetry { servo: true }),
         Box::new(BatterySag::default()),
-        Box::new(BatterySag { settles: true, servo: false }),
-        Box::new(BatterySag { settles: false, servo: true }),
-        Box::new(BatterySag { settles: true, servo: true }),
+        Box::new(BatterySag { law: SagLaw::Settling, servo: false }),
+        Box::new(BatterySag { law: SagLaw::Loaded, servo: false }),
+        Box::new(BatterySag { law: SagLaw::Steady, servo: true }),
+        Box::new(BatterySag { law: SagLaw::Settling, servo: true }),
+        Box::new(BatterySag { law: SagLaw::Loaded, servo: true }),
         Box::new(IntegralAction {}),
     ];
     for axis in [Axis::V, Axis::Omega] {

@@ -5,8 +5,8 @@ use crate::rig;
 use crate::common::{HALF_TRACK, base, data, difference, held, model, scene};
 use wheelwright_core::effect::{Effect, Estimate};
 use wheelwright_diagnosis::effects::{
-    ActuatorLag, Axis, BatterySag, CommandDelay, CommandOffset, DeadZone, GainAsymmetry, IntegralAction, SlewLimit, TorqueSaturation,
-    VelocitySaturation, Wheel,
+    ActuatorLag, Axis, BatterySag, CommandDelay, CommandOffset, DeadZone, GainAsymmetry, IntegralAction, SagLaw, SlewLimit,
+    TorqueSaturation, VelocitySaturation, Wheel,
 };
 
 /// Left and right of forward and turning.
@@ -178,7 +178,7 @@ fn a_battery_runs_down() {
     let error = difference(&[&BatterySag::default()], &[k], &[], [0.3, 0.2], |s, t, x| base(held(s, t).map(|u| u * (1.0 - k * t)), x));
     assert!(error < 5e-5, "{error}");
     let (lost, time) = (0.12, 2.5);
-    let settling = BatterySag { settles: true, ..BatterySag::default() };
+    let settling = BatterySag { law: SagLaw::Settling, servo: false };
     let error = difference(&[&settling], &[lost, time], &[], [0.3, 0.2], |s, t, x| {
         let left = 1.0 - lost + lost * (-t / time).exp();
         base(held(s, t).map(|u| u * left), x)

@@ -3,8 +3,8 @@
 use crate::rig::{HALF_TRACK, body, integrate, sides};
 use wheelwright_diagnosis::effects::{
     Backlash, BatterySag, Between, CastorDrag, CastorKind, CoulombFriction, CoulombFrictionOneWheel, DeadZone, DirectionAsymmetry,
-    GainAsymmetry, LateralComOffset, PayloadChange, QuadraticDrag, RollingResistance, ScrubLaw, SlipLaw, Slope, Speeds, StribeckFriction,
-    TurningScrub, ViscousAsymmetry, Wheel, WheelRadiusMismatch, WheelSlip,
+    GainAsymmetry, LateralComOffset, PayloadChange, QuadraticDrag, RollingResistance, SagLaw, ScrubLaw, SlipLaw, Slope, Speeds,
+    StribeckFriction, TurningScrub, ViscousAsymmetry, Wheel, WheelRadiusMismatch, WheelSlip,
 };
 
 /// Ground speeds of left and right wheel in the body frame.
@@ -237,11 +237,28 @@ fn a_loop_with_another_gain_pushes_by_its_own_error() {
     });
     assert!(error < 1e-3, "{error}");
     let (k, time) = (0.15, 2.0);
-    let error = rig.error(&BatterySag { servo: true, settles: true }, &[k, time], rig.start, &[], |t, u, x| {
+    let error = rig.error(&BatterySag { servo: true, law: SagLaw::Settling }, &[k, time], rig.start, &[], |t, u, x| {
         let lost = k * (1.0 - (-(t - rig.stretch().time[0]) / time).exp());
         (rig.base)([0, 1].map(|i| u[i] - lost * (u[i] - x[i])), x)
     });
     assert!(error < 1e-3, "{error}");
+}
+
+/// The power that is asked for is what the wheels are told times what they lack.
+#[test]
+fn a_supply_with_a_resistance_gives_way_to_power() {
+    let rig = body();
+    let (r, k) = (0.1, 0.008);
+    let typical = rig.scene().scales.command;
+    for servo in [false, true] {
+        let error = rig.error(&BatterySag { servo, law: SagLaw::Loaded }, &[r, k], rig.start, &[], |t, u, x| {
+            let power: f64 = [0, 1].map(|i| wheels(u)[i] * (wheels(u)[i] - wheels(x)[i])).iter().sum();
+            let left = 1.0 - k * (t - rig.stretch().time[0]) - r * power / (2.0 * typical * typical);
+            let pulls = |i: usize| if servo { x[i] + left * (u[i] - x[i]) } else { left * u[i] };
+            (rig.base)([pulls(0), pulls(1)], x)
+        });
+        assert!(error < 1e-3, "{error}");
+    }
 }
 
 /// A motor that does nothing for less than a threshold takes as much off every push.
