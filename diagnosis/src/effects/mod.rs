@@ -195,7 +195,8 @@ fn dynamics() -> Vec<Box<dyn Effect>> {
         Box::new(CastorDrag { kind: CastorKind::Swivel }),
         Box::new(CastorDrag { kind: CastorKind::Ball }),
         Box::new(Slope {}),
-        Box::new(PayloadChange {}),
+        Box::new(PayloadChange::default()),
+        Box::new(PayloadChange { undone: true }),
         Box::new(Backlash { at_motor: true }),
         Box::new(Backlash::default()),
     ]

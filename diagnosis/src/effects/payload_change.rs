@@ -1,7 +1,7 @@
 //! Something is loaded or unloaded: from t0 on the robot accelerates as with another mass and another moment of inertia.
 //!
 //! θ1 → θ1 (1 + d1), θ2 → θ2 (1 + d2), and where the load moves the centre of mass along the robot, θ5 → θ5 + d5 and
-//! θ3 → θ3 + h² d5 (of one cause, m b). In channels without wheels each has a change of its own.
+//! θ3 → θ3 + h² d5 (of one cause, m b). In channels without wheels each has a change of its own. With `undone` all is as before from t1 on.
 
 use serde::{Deserialize, Serialize};
 use wheelwright_core::Effect;
@@ -13,8 +13,27 @@ use super::words::{percent, quantity, scaled};
 /// A change of payload.
 #[derive(Debug, Clone, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct PayloadChange {}
+pub struct PayloadChange {
+    /// What was put on is taken off again, or the reverse. Default `false`.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub undone: bool,
+}
 
+/// Times between which a change is tried that is undone, as shares of the recording.
+const WHILES: [(f64, f64); 12] = [
+    (0.1, 0.3),
+    (0.1, 0.5),
+    (0.1, 0.8),
+    (0.25, 0.4),
+    (0.25, 0.55),
+    (0.25, 0.8),
+    (0.4, 0.6),
+    (0.4, 0.8),
+    (0.5, 0.7),
+    (0.5, 0.9),
+    (0.65, 0.8),
+    (0.7, 0.9),
+];
 /// Times that are tried, as shares of the recording; a change nearer to an end has too little on one side of it.
 const TIMES: [f64; 15] = [0.08, 0.14, 0.20, 0.26, 0.32, 0.38, 0.44, 0.50, 0.56, 0.62, 0.68, 0.74, 0.80, 0.86, 0.92];
 /// How far from a fitted time others are looked at, as shares of the recording: out to the next of [`TIMES`], and close.
@@ -24,6 +43,13 @@ const MARGIN: f64 = 0.02;
 /// Half of the robot may have been load; a robot that carries six times itself is another one.
 const CHANGE: (f64, f64) = (-0.5, 6.0);
 
+impl PayloadChange {
+    /// How many times of change it has.
+    fn times(&self) -> usize {
+        if self.undone { 2 } else { 1 }
+    }
+}
+
 #[typetag::serde(name = "payload_change")]
 impl Effect for PayloadChange {
     fn name(&self) -> &str {
@@ -31,7 +57,8 @@ impl Effect for PayloadChange {
     }
 
     fn about(&self) -> String {
-        "mass and moment of inertia change at some time".to_owned()
+        let until = if self.undone { " and change back" } else { "" };
+        format!("mass and moment of inertia change at some time{until}")
     }
 
     fn stage(&self) -> Stage {
@@ -47,7 +74,8 @@ impl Effect for PayloadChange {
         let change = |name: &str| EffectParameter::new(name, "1", CHANGE, 0.1).neutral(0.0);
         // A change at either end is none: what it changes has to be seen before and after.
         let margin = MARGIN * (last - first);
-        let mut all = vec![EffectParameter::new("time_s", "s", (first + margin, last - margin), margin)];
+        let time = |name: &str| EffectParameter::new(name, "s", (first + margin, last - margin), margin);
+        let mut all: Vec<EffectParameter> = ["time_s", "until_s"].iter().take(self.times()).map(|name| time(name)).collect();
         if let Frame::Channels = scene.frame {
             all.extend(scene.outputs.iter().map(|y| change("inertia_change").of("output", &y.name)));
         } else {
@@ -64,24 +92,31 @@ impl Effect for PayloadChange {
 
     fn starts(&self, scene: &Scene) -> Vec<Start> {
         let (first, last) = scene.scales.time;
-        let changes: Vec<f64> = self.parameters(scene)[1..].iter().map(|p| p.scale).collect();
-        let columns: Vec<Vec<usize>> = (1..=changes.len()).map(|i| vec![i]).collect();
-        let start = |share: f64| {
-            let values = [&[first + share * (last - first)], &changes[..]].concat();
-            Start { values, columns: columns.clone(), linear: true }
+        let times = self.times();
+        let changes: Vec<f64> = self.parameters(scene)[times..].iter().map(|p| p.scale).collect();
+        let columns: Vec<Vec<usize>> = (times..times + changes.len()).map(|i| vec![i]).collect();
+        let start = |shares: &[f64]| {
+            let at = shares.iter().map(|share| first + share * (last - first));
+            Start { values: at.chain(changes.iter().copied()).collect(), columns: columns.clone(), linear: true }
         };
-        TIMES.map(start).into()
+        if self.undone { WHILES.map(|(from, to)| start(&[from, to])).into() } else { TIMES.map(|share| start(&[share])).into() }
     }
 
     /// The same change at other times nearby: while the robot does not accelerate, the time of change does not show, so that the
     /// likelihood has a maximum for every acceleration.
     fn detours(&self, values: &[f64], scene: &Scene) -> Vec<Vec<f64>> {
         let ((first, last), (earliest, latest)) = (scene.scales.time, self.parameters(scene)[0].bounds);
-        let at = |share: f64| {
-            let time = values[0] + share * (last - first);
-            (earliest..=latest).contains(&time).then(|| [&[time], &values[1..]].concat())
+        let shifted = |(time, share): (usize, f64)| {
+            let mut values = values.to_vec();
+            values[time] += share * (last - first);
+            values
         };
-        NEARBY.iter().flat_map(|share| [-share, *share]).filter_map(at).collect()
+        let orderly = |values: &Vec<f64>| {
+            let times = &values[..self.times()];
+            times.iter().all(|t| (earliest..=latest).contains(t)) && times.is_sorted()
+        };
+        let shares = NEARBY.iter().flat_map(|share| [-share, *share]);
+        (0..self.times()).flat_map(|time| shares.clone().map(move |share| (time, share))).map(shifted).filter(orderly).collect()
     }
 
     fn statement(&self, values: &[Estimate], scene: &Scene) -> String {
@@ -89,13 +124,15 @@ impl Effect for PayloadChange {
             let word = if e.value < 0.0 { "smaller" } else { "greater" };
             format!("{} {word}", quantity(scaled(e, |x| 100.0 * x * e.value.signum()), "%"))
         };
+        let changes = &values[self.times()..];
         let what = match scene.frame {
-            Frame::Channels => format!("as if the inertia of `{}` were {}", scene.outputs[0].name, change(values[1])),
-            _ => format!("as if its mass were {} and its moment of inertia {}", change(values[1]), change(values[2])),
+            Frame::Channels => format!("as if the inertia of `{}` were {}", scene.outputs[0].name, change(changes[0])),
+            _ => format!("as if its mass were {} and its moment of inertia {}", change(changes[0]), change(changes[1])),
         };
+        let until = if self.undone { format!("until {}", when(values[1])) } else { "on".to_owned() };
         let (first, last) = scene.scales.time;
         format!(
-            "the load changed at {}, {} into the recording: from then on the robot accelerates {what}; the model's stayed the same",
+            "the load changed at {}, {} into the recording: from then {until} the robot accelerates {what}; the model's stayed the same",
             when(values[0]),
             percent((values[0].value - first) / (last - first)),
         )
@@ -119,23 +156,26 @@ impl Effect for PayloadChange {
     }
 
     fn next_switch(&self, p: &[f64], at: &Instant<'_>, _state: &[f64]) -> f64 {
-        let changes = p[1..].iter().any(|change| *change != 0.0);
-        if changes && p[0] > at.time { p[0] } else { f64::INFINITY }
+        let (times, changes) = p.split_at(self.times());
+        let next = times.iter().copied().filter(|time| *time > at.time).fold(f64::INFINITY, f64::min);
+        if changes.iter().any(|change| *change != 0.0) { next } else { f64::INFINITY }
     }
 
     fn drive(&self, p: &[f64], at: &Instant<'_>, motion: &Motion<'_>, _state: &[f64], drive: &mut [f64]) {
+        let (times, change) = p.split_at(self.times());
         // A time this close to a sample has not cut the interval.
-        if at.time < p[0] - 2e-9 * at.scene.scales.period {
+        let begun = |time: &f64| at.time >= time - 2e-9 * at.scene.scales.period;
+        if !begun(&times[0]) || times[1..].iter().any(begun) {
             return;
         }
         let frame = &at.scene.frame;
         if frame.has_wheels() {
             let ([v, w], h) = (frame.body(motion.outputs), frame.half_track());
             let [forward, turn] = frame.body(drive);
-            let changed = [(forward + p[3] * h * h * w * w) / (1.0 + p[1]), (turn - p[3] * v * w) / (1.0 + p[2])];
+            let changed = [(forward + change[2] * h * h * w * w) / (1.0 + change[0]), (turn - change[2] * v * w) / (1.0 + change[1])];
             drive.copy_from_slice(&frame.from_body(changed));
         } else {
-            drive.iter_mut().zip(&p[1..]).for_each(|(drive, change)| *drive /= 1.0 + change);
+            drive.iter_mut().zip(change).for_each(|(drive, change)| *drive /= 1.0 + change);
         }
     }
 }

@@ -24,7 +24,7 @@ fn loaded(model: &dyn RegressorModel, time: f64, seed: u64) -> Dataset {
     let stretch = Stretch { label: "1".to_owned(), outputs: vec![v.clone(), w.clone()], inputs: vec![v, w], time: stamps };
     let mut data = Dataset { inputs: model.inputs().to_vec(), outputs: model.outputs().to_vec(), stretches: vec![stretch] };
     let scene = Scene::new(&data, model, 0.34, None, None);
-    let payload = PayloadChange {};
+    let payload = PayloadChange::default();
     let mut simulator = EffectSimulator::new(model, &THETA, &[&payload as &dyn Effect], &scene).unwrap();
     simulator.set(&THETA, &[time, 0.3, 0.3, 0.0]).unwrap();
     simulator.set_substeps(8);
@@ -45,7 +45,7 @@ fn the_time_of_a_load_is_found_past_other_maxima() {
     let model = VwPdConfig::default().build().unwrap();
     for (time, seed) in [(50.3, 50), (44.9, 44), (13.1, 13)] {
         let data = loaded(&*model, time, seed);
-        let library: Vec<Box<dyn Effect>> = vec![Box::new(PayloadChange {})];
+        let library: Vec<Box<dyn Effect>> = vec![Box::new(PayloadChange::default())];
         let mut question = Question::new(&*model, &data, &library);
         question.track_width = Some(0.34);
         question.experiment = false;

@@ -307,7 +307,7 @@ fn a_payload_changes_inertia_from_its_time_on() {
     let rig = body();
     for time in [17.3456, rig.stretch().time[200]] {
         let (d1, d2, d5) = (0.8, 0.5, 0.06);
-        let error = rig.error(&PayloadChange {}, &[time, d1, d2, d5], rig.start, &[time], |t, u, [v, w]| {
+        let error = rig.error(&PayloadChange::default(), &[time, d1, d2, d5], rig.start, &[time], |t, u, [v, w]| {
             let on = if t >= time { 1.0 } else { 0.0 };
             let (th1, th2) = (0.26 * (1.0 + on * d1), 0.19 * (1.0 + on * d2));
             let (th3, th5) = (-0.01 + on * HALF_TRACK * HALF_TRACK * d5, 0.05 + on * d5);
@@ -315,9 +315,16 @@ fn a_payload_changes_inertia_from_its_time_on() {
         });
         assert!(error < 1e-4, "{error}");
     }
+    let (from, until, d1, d2) = (17.3456, 21.2345, 0.8, 0.5);
+    let load = PayloadChange { undone: true };
+    let error = rig.error(&load, &[from, until, d1, d2, 0.0], rig.start, &[from, until], |t, u, [v, w]| {
+        let on = if (from..until).contains(&t) { 1.0 } else { 0.0 };
+        [(u[0] - 0.01 * w * w - 1.02 * v) / (0.26 * (1.0 + on * d1)), (u[1] - 0.05 * v * w - 1.05 * w) / (0.19 * (1.0 + on * d2))]
+    });
+    assert!(error < 1e-4, "{error}");
     let rig = sides();
     let (time, d1, d2) = (20.01, 0.6, 1.2);
-    let error = rig.error(&PayloadChange {}, &[time, d1, d2, 0.0], rig.start, &[time], |t, u, x| {
+    let error = rig.error(&PayloadChange::default(), &[time, d1, d2, 0.0], rig.start, &[time], |t, u, x| {
         let left = (u[0] - 2.5 * x[0], u[1] - 2.4 * x[1]);
         let (sum, difference) = (0.5 * (left.0 + left.1), 0.5 * (left.1 - left.0));
         let (sum, difference) = if t >= time { (sum / (1.0 + d1), difference / (1.0 + d2)) } else { (sum, difference) };
