@@ -33,6 +33,9 @@ pub(crate) const DECISIVE: f64 = 10.0;
 /// Rows beyond which a recording only costs time: pieces spread evenly over it are taken.
 const MOST_ROWS: usize = 8_000;
 
+/// Angle \[rad\] by which a wheel that is thought elsewhere hides what goes round with it.
+const ASTRAY: f64 = 0.5;
+
 /// What is said where the search ended before it had looked at everything.
 const STOPPED: &str = "the search ended at its limit of simulation: what further effects would explain, and what could stand in the place of those that \
                        were found, was not looked at to the end; a shorter recording, or an earlier model given as the one to compare with, leaves more room";
@@ -57,7 +60,7 @@ pub fn diagnose(question: &Question<'_>) -> Result<Diagnosis, DiagnosisError> {
     }
     let scene = |width: f64| Scene::new(&data, question.model, width, question.wheel_radius, headings.as_deref());
     let (ordinary, fitting) = (scene(question.track_width.unwrap_or(track::ORDINARY)), OnceCell::new());
-    let courses = [const { OnceCell::new() }; 3];
+    let courses = [const { OnceCell::new() }; 5];
     let mut start = surroundings(setting(question, &data, &ordinary, Readout::Instantaneous), question, &courses[0])?;
     if question.track_width.is_none() {
         let likeliest = track::likeliest(question, &start, headings.as_deref());
@@ -72,8 +75,8 @@ pub fn diagnose(question: &Question<'_>) -> Result<Diagnosis, DiagnosisError> {
     }
     let scene = start.search.setting.scene;
     let Beside { radii, track } = Beside::of(question, scene);
-    let story = selected(start, radii.as_ref())?;
-    let mut story = other_readout(story, question, &data, scene, radii.as_ref(), &courses[2])?;
+    let story = selected(start, radii.as_ref(), &courses[2])?;
+    let mut story = other_readout(story, question, &data, scene, radii.as_ref(), [&courses[3], &courses[4]])?;
     story.selected = story.search.unjittered(story.selected, &story.responses);
     story.selected = judged(question, &story.search, story.selected, &story.responses);
     let (selected, rests) = story.search.settled(story.selected);
@@ -102,7 +105,7 @@ fn other_readout<'a>(
     data: &'a Dataset,
     scene: &'a Scene,
     known: Option<&'a Known>,
-    course: &'a OnceCell<Scene>,
+    [course, closer]: [&'a OnceCell<Scene>; 2],
 ) -> Result<Story<'a>, DiagnosisError> {
     let instead = story.search.effects(&story.selected.state.effects).into_iter().find(|effect| late(*effect));
     if (instead.is_some() && !story.barely_late()) || story.search.setting.exhausted() {
@@ -119,7 +122,7 @@ fn other_readout<'a>(
     if plainer(&story, &other, &base).is_none_or(|plainer| plainer - sought <= story.evidence()) {
         return Ok(story);
     }
-    let rival = selected(surroundings(other, question, course)?, known)?;
+    let rival = selected(surroundings(other, question, course)?, known, closer)?;
     let better = rival.own_evidence() - story.own_evidence() - sought;
     let means = Means { evidence: better, instead: instead.map(|effect| effect.name().to_owned()) };
     Ok(if better > EXCHANGE { Story { means: Some(means), ..rival } } else { story })
@@ -222,13 +225,51 @@ pub(crate) fn surroundings<'a>(
     Ok(Surroundings { search, rough, first, responses, whitening, base })
 }
 
-/// The effects that the evidence asks for.
-fn selected<'a>(start: Surroundings<'a>, known: Option<&'a Known>) -> Result<Story<'a>, DiagnosisError> {
+/// The effects that the evidence asks for; `closer` keeps the scene with the wheels' course as these tell it.
+fn selected<'a>(start: Surroundings<'a>, known: Option<&'a Known>, closer: &'a OnceCell<Scene>) -> Result<Story<'a>, DiagnosisError> {
     let Surroundings { search, first, responses, whitening, base, .. } = start;
     let search = Search { known, ..search };
     let known = with_known(&search, &base, &whitening);
     let selected = search.run(State { effects: Vec::new(), fit: base }, known, whitening, &responses)?;
-    Ok(Story { search, selected, responses, first, means: None })
+    Ok(come_round(Story { search, selected, responses, first, means: None }, closer))
+}
+
+/// Whether wheels stand elsewhere in one scene than in another.
+fn astray(a: &Scene, b: &Scene) -> bool {
+    let Some(radius) = a.wheel_radius else { return false };
+    let distances = |scene: &Scene| scene.tracks.iter().flat_map(|t| t.distance.clone()).flatten().collect::<Vec<f64>>();
+    distances(a).iter().zip(distances(b)).any(|(a, b)| (a - b).abs() > ASTRAY * radius)
+}
+
+/// A story with what goes round with the wheels, if it shows once they are followed with what was found: where a misfit took the base model
+/// away nobody knew how they stood.
+fn come_round<'a>(story: Story<'a>, closer: &'a OnceCell<Scene>) -> Story<'a> {
+    let Story { search, selected, .. } = &story;
+    let Setting { data, layout, .. } = &search.setting;
+    let turning = search.turning(selected);
+    if turning.is_empty() || search.full(selected) || search.fixed(selected) == selected.state.effects.len() {
+        return story;
+    }
+    let scene = closer.get_or_init(|| search.setting.scene.followed(data, &layout.series(&selected.state.fit.simulated)));
+    if !astray(search.setting.scene, scene) {
+        return story;
+    }
+    let setting = Setting { scene, ..search.setting.clone() };
+    let nearer = Search { setting, library: search.library, open: search.open.clone(), known: search.known };
+    let base = State { effects: Vec::new(), fit: selected.base.clone() };
+    let round = nearer.respond_of(&turning, &base);
+    let Some(mut selected) = nearer.joined(selected, &round) else { return story };
+    let Story { responses: others, first, means, .. } = story;
+    let others = others.into_iter().filter(|r| !turning.contains(&r.effect));
+    let mut responses: Vec<Response> = others.chain(round.iter().cloned()).collect();
+    responses.sort_by_key(|r| r.effect);
+    nearer.exchange(&mut selected, &responses, None);
+    // The other wheel as well.
+    if let Some(both) = nearer.joined(&selected, &round) {
+        selected = both;
+        nearer.exchange(&mut selected, &responses, None);
+    }
+    Story { search: nearer, selected, responses, first, means }
 }
 
 /// The base model with the effect that is known from beside, fitted within what is known of it.

@@ -240,14 +240,18 @@ impl<'a> Search<'a> {
         let closes = |c: &&Vec<Candidate>| self.effect(c[0].effect).stage() == Stage::Loop;
         let best = screened.iter().filter(|c| !closes(c)).map(|c| c[0].gain).fold(field.gain, f64::max);
         let least = (PROMISING * self.penalty(1.0)).max(BEHIND * best).max(BEHIND * SHARE * field.explained);
+        let open = screened.iter().filter(move |c| c[0].gain > least && !closes(c)).filter(self.few()).take(field.entrants);
+        open.chain(screened.iter().filter(closes))
+    }
+
+    /// Lets not too many variants of one name pass, the first of them.
+    pub(crate) fn few(&self) -> impl FnMut(&&Vec<Candidate>) -> bool {
         let mut names: Vec<&str> = Vec::new();
-        let few = move |c: &&Vec<Candidate>| {
+        move |c| {
             let name = self.effect(c[0].effect).name();
             names.push(name);
             names.iter().filter(|n| **n == name).count() <= VARIANTS
-        };
-        let open = screened.iter().filter(move |c| c[0].gain > least && !closes(c)).filter(few).take(field.entrants);
-        open.chain(screened.iter().filter(closes))
+        }
     }
 
     /// An effect at the better of its two best starts, and at the one that changes least: from there the way leads uphill, if slowly.

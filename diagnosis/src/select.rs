@@ -165,16 +165,40 @@ impl<'a> Search<'a> {
 
     /// Raw responses of all effects that may join a model.
     pub(crate) fn respond(&self, state: &State) -> Vec<Response> {
+        self.respond_of(&self.open, state)
+    }
+
+    /// The same of some of them.
+    pub(crate) fn respond_of(&self, indices: &[usize], state: &State) -> Vec<Response> {
         let effects = self.effects(&state.effects);
         let current = Current::new(&self.setting, &effects, &state.fit);
         let may = |i: &&usize| self.joins(**i, &state.effects);
-        let library: Vec<(usize, &dyn Effect)> = self.open.iter().filter(may).map(|i| (*i, self.effect(*i))).collect();
+        let library: Vec<(usize, &dyn Effect)> = indices.iter().filter(may).map(|i| (*i, self.effect(*i))).collect();
         responses(&current, &library)
+    }
+
+    /// The effects that go round with something, if none of them was selected.
+    pub(crate) fn turning(&self, selected: &Selected) -> Vec<usize> {
+        let turns = |i: &usize| {
+            let start = self.effect(*i).starts(self.setting.scene).into_iter().next();
+            start.is_some_and(|start| self.effect(*i).turned(&start.values, 0, 0.0).is_some())
+        };
+        if selected.state.effects.iter().any(turns) { Vec::new() } else { self.open.iter().copied().filter(turns).collect() }
+    }
+
+    /// Whether a selection has room for no further cause, or the search is at its limit.
+    pub(crate) fn full(&self, selected: &Selected) -> bool {
+        self.causes(&selected.state.effects) >= MOST || self.setting.exhausted()
+    }
+
+    /// The selection with the best of some effects, if any holds its evidence beside it.
+    pub(crate) fn joined(&self, selected: &Selected, responses: &[Response]) -> Option<Selected> {
+        self.round(selected, responses).1
     }
 
     /// Responses about a model with effects. Those about the base model say which effects and starts are worth a look; these are
     /// simulated anew beside the effects that the model has.
-    fn respond_again(&self, state: &State, whitening: &Whitening, first: &[Response]) -> Vec<Response> {
+    fn respond_again(&self, state: &State, whitening: &Whitening, first: &[Response], ranking: &[(usize, f64)]) -> Vec<Response> {
         let effects = self.effects(&state.effects);
         let screened = self.screen(state, whitening, first);
         let current = Current::new(&self.setting, &effects, &state.fit);
@@ -188,7 +212,13 @@ impl<'a> Search<'a> {
             let even = self.effect(c[0].effect).starts(self.setting.scene).into_iter().filter(even).collect();
             responses_at(&current, c[0].effect, self.effect(c[0].effect), even)
         });
-        screened.iter().filter(|c| !closes(c)).take(RESIMULATED.0).flat_map(of).chain(loops).collect()
+        // Nor does it of what has to do with what was found: what had evidence by itself is among them too.
+        let open = |c: &&Vec<Candidate>| !closes(c) && self.joins(c[0].effect, &state.effects);
+        let alone = ranking.iter().filter(|(_, score)| *score > 0.0).filter_map(|(i, _)| screened.iter().find(|c| c[0].effect == *i));
+        let alone: Vec<_> = alone.filter(open).filter(self.few()).take(RESIMULATED.0 / 2).collect();
+        let others = |c: &&Vec<Candidate>| open(c) && alone.iter().all(|a| a[0].effect != c[0].effect);
+        let beside = screened.iter().filter(others).filter(self.few()).take(RESIMULATED.0 - alone.len());
+        alone.iter().copied().chain(beside).flat_map(of).chain(loops).collect()
     }
 
     /// Every effect of no family that the model has already, at all its starts; best effect and best start first.
@@ -262,7 +292,7 @@ impl<'a> Search<'a> {
             Selected { base: base.fit.clone(), state: known.unwrap_or(base), whitening, rivals: Vec::new(), ranking: Vec::new() };
         selected.rivals.resize(self.fixed(&selected), Vec::new());
         for depth in 0..MOST_PARTS {
-            if self.causes(&selected.state.effects) >= MOST || self.setting.exhausted() {
+            if self.full(&selected) {
                 break;
             }
             let (ranking, mut joined) = self.round(&selected, first);
@@ -290,7 +320,7 @@ impl<'a> Search<'a> {
         let responses = if selected.state.effects.is_empty() {
             first
         } else {
-            fresh = self.respond_again(&selected.state, &selected.whitening, first);
+            fresh = self.respond_again(&selected.state, &selected.whitening, first, &selected.ranking);
             &fresh
         };
         let screened = self.screen(&selected.state, &selected.whitening, responses);
@@ -307,7 +337,13 @@ impl<'a> Search<'a> {
         let effects = selected.state.effects.clone();
         let (whitening, fit) = self.under(&effects, &selected.state.fit, &noise, COMPARING)?;
         let (_, base) = self.under(&[], &selected.base, &noise, COMPARING)?;
-        Some(Selected { state: State { effects, fit }, whitening, base, rivals: selected.rivals.clone(), ranking: Vec::new() })
+        Some(Selected {
+            state: State { effects, fit },
+            whitening,
+            base,
+            rivals: selected.rivals.clone(),
+            ranking: selected.ranking.clone(),
+        })
     }
 
     fn ranking(&self, screened: &[Vec<Candidate>], refined: &[Refined]) -> Vec<(usize, f64)> {
@@ -534,7 +570,7 @@ impl<'a> Search<'a> {
     fn replacements(&self, selected: &Selected, member: usize, first: &[Response]) -> (State, Vec<Refined>) {
         let base = || State { effects: Vec::new(), fit: selected.base.clone() };
         let Some(rest) = self.without(selected, member) else { return (base(), Vec::new()) };
-        let responses = self.respond_again(&rest, &selected.whitening, first);
+        let responses = self.respond_again(&rest, &selected.whitening, first, &selected.ranking);
         let dropped = selected.state.effects[member];
         let screened = self.screen(&rest, &selected.whitening, &responses);
         let others: Vec<Vec<Candidate>> = screened.into_iter().filter(|c| c[0].effect != dropped).collect();
@@ -658,8 +694,8 @@ mod tests {
 
     use super::*;
     use crate::diagnose::{Surroundings, setting, surroundings};
-    use crate::effects::{CommandDelay, CoulombFriction, QuadraticDrag, SensorDelay};
-    use crate::fixture::Case;
+    use crate::effects::{CommandDelay, CoulombFriction, QuadraticDrag, SensorDelay, StribeckFriction};
+    use crate::fixture::{Case, NOISE, normal};
     use crate::question::Question;
 
     /// Hands a test a search in which the first effects of a library were selected, and nothing is known of rivals.
@@ -682,6 +718,23 @@ mod tests {
         with_selected(&Case::clean(5), &library, 2, |search, selected| {
             let (settled, rests) = search.settled(selected);
             assert_eq!((settled.state.effects.len(), settled.rivals.len(), rests.len()), (0, 0, 0));
+        });
+    }
+
+    #[test]
+    fn a_member_part_of_which_does_nothing_gets_the_name_of_what_it_is() {
+        let case = Case::new(8, |_, i, y, _, random| y - [0.02, 0.0][i] * (y / 0.005).tanh() + NOISE[i] * normal(random));
+        let library: Vec<Box<dyn Effect>> = vec![Box::new(StribeckFriction::default()), Box::new(CoulombFriction::default())];
+        with_selected(&case, &library, 1, |search, mut selected| {
+            let mut point = selected.state.fit.point.clone();
+            point.x[search.setting.free() + 1] = 0.0;
+            let mut runner = search.runner(&[0], &point).unwrap();
+            selected.state.fit = evaluate(&search.setting, &mut runner, &selected.whitening, &point).unwrap();
+            let gain = |selected: &Selected| selected.gained(&search.setting, &selected.state.fit);
+            let wide = gain(&selected);
+            let (settled, _) = search.settled(selected);
+            assert_eq!((&settled.state.effects[..], settled.rivals.len()), (&[1][..], 1));
+            assert!(wide > 30.0 && gain(&settled) > wide - EXCHANGE, "{} of {wide}", gain(&settled));
         });
     }
 

@@ -4,6 +4,7 @@
 mod command_side;
 mod common;
 mod conformance;
+mod course;
 mod detour;
 mod diagnose;
 mod documentation;
