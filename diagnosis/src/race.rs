@@ -308,18 +308,18 @@ impl<'a> Search<'a> {
         entered
     }
 
-    /// An effect in the place of a member, from the best of its starts and from where the other unknowns are.
-    pub(crate) fn placed(&self, effect: usize, z: &[f64], selected: &Selected, rest: &State) -> Option<Refined> {
+    /// An effect in the place of a member, from the best of some values and from where the other unknowns are.
+    pub(crate) fn placed(&self, effect: usize, starts: Vec<Vec<f64>>, z: &[f64], selected: &Selected, rest: &State) -> Option<Refined> {
         let whitening = &selected.whitening;
         let indices: Vec<usize> = rest.effects.iter().copied().chain([effect]).collect();
-        let from = |start: Start| {
-            let point = Point { x: [z, &start.values[..]].concat(), starts: selected.state.fit.point.starts.clone() };
+        let from = |values: Vec<f64>| {
+            let point = Point { x: [z, &values[..]].concat(), starts: selected.state.fit.point.starts.clone() };
             let mut runner = self.runner(&indices, &point)?;
             Some((evaluate(&self.setting, &mut runner, whitening, &point)?, runner))
         };
         let likelihood = |fit: &Fit| fit.likelihood(&self.setting);
-        let starts = self.effect(effect).starts(self.setting.scene).into_iter().filter_map(from);
-        let (fit, mut runner) = starts.reduce(|a, b| if likelihood(&b.0) > likelihood(&a.0) { b } else { a })?;
+        let (fit, mut runner) =
+            starts.into_iter().filter_map(from).reduce(|a, b| if likelihood(&b.0) > likelihood(&a.0) { b } else { a })?;
         let fit = maximise(&self.setting, &mut runner, whitening, fit, RANKING, false);
         let (freedom, score) = self.beyond(&indices, &fit, rest);
         Some(Refined { effect, fit, freedom, score })

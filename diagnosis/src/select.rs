@@ -511,7 +511,8 @@ impl<'a> Search<'a> {
         (selected, rests)
     }
 
-    /// The selection with its members by the names of what they are where a part of them does nothing. No contest may have been left to see it.
+    /// The selection with its members by the names of what they are: of a law that one contains, where that explains as much from where the
+    /// member is. A contest may have been left before it saw that, or begun too far away.
     fn named(&self, mut selected: Selected) -> Selected {
         for member in (self.fixed(&selected)..selected.state.effects.len()).rev() {
             let Some(narrow) = self.narrowed(&selected, member) else { continue };
@@ -524,19 +525,43 @@ impl<'a> Search<'a> {
         selected
     }
 
-    /// The selection with a member that is a narrower effect as that effect, if it explains as much.
+    /// The selection with a narrower law in the place of a member, if it is all that the member is.
     fn narrowed(&self, selected: &Selected, member: usize) -> Option<Selected> {
+        let wide = self.effect(selected.state.effects[member]);
         let values = &self.fitted(&selected.state).values[member];
-        let name = self.effect(selected.state.effects[member]).narrower(values, self.setting.scene)?;
-        let rest = self.without(selected, member)?;
-        let z = self.unbent(&selected.state, member);
-        let narrow = self.open.iter().filter(|i| self.effect(**i).name() == name && self.joins(**i, &rest.effects));
-        let placed = narrow.filter_map(|i| self.placed(*i, &z, selected, &rest));
-        let best = placed.max_by(|a, b| a.score.total_cmp(&b.score))?;
+        let name = wide.narrower(values, self.setting.scene);
+        let within = |i: &&usize| {
+            let narrow = self.effect(**i).name();
+            narrow != wide.name() && (name == Some(narrow) || wide.contains().contains(&narrow))
+        };
+        let narrow: Vec<usize> = self.open.iter().filter(within).copied().collect();
+        if narrow.is_empty() {
+            return None;
+        }
+        let (rest, z) = (self.without(selected, member)?, self.unbent(&selected.state, member));
+        let placed = |i: usize| {
+            let start = self.as_part_of(i, wide, values);
+            let starts = start.map(|values| vec![values]).or_else(|| (name == Some(self.effect(i).name())).then(|| self.starts(i)));
+            self.placed(i, starts.filter(|_| self.joins(i, &rest.effects))?, &z, selected, &rest)
+        };
+        let best = narrow.into_iter().filter_map(placed).max_by(|a, b| a.score.total_cmp(&b.score))?;
         let state = State { effects: rest.effects.iter().copied().chain([best.effect]).collect(), fit: best.fit };
         let narrow = self.only(selected, &state)?;
         let gain = self.gain(&narrow.state.fit, &rest);
         (self.gain(&selected.state.fit, &rest) - gain <= EXCHANGE.max(SHARE * gain)).then_some(narrow)
+    }
+
+    /// Values from which an effect may start.
+    fn starts(&self, effect: usize) -> Vec<Vec<f64>> {
+        self.effect(effect).starts(self.setting.scene).into_iter().map(|start| start.values).collect()
+    }
+
+    /// An effect's values as those of a wider one have them, if it has all of them.
+    fn as_part_of(&self, effect: usize, wide: &dyn Effect, values: &[f64]) -> Option<Vec<f64>> {
+        let whole = wide.parameters(self.setting.scene);
+        let same = |p: &EffectParameter, own: &EffectParameter| p.name == own.name && (p.label.is_none() || p.label == own.label);
+        let of = |own: &EffectParameter| whole.iter().zip(values).find(|(p, _)| same(p, own)).map(|(_, v)| *v);
+        self.effect(effect).parameters(self.setting.scene).iter().map(of).collect()
     }
 
     /// Each member's rivals with those that are the same under every drive, which a race may have left behind.
@@ -548,7 +573,8 @@ impl<'a> Search<'a> {
             let known = |i: usize| selected.rivals[member].iter().any(|r| r.effect == i);
             let same = |i: &&usize| always(self.effect(found), self.effect(**i)).is_some() && self.joins(**i, &rest.effects) && !known(**i);
             let z = self.unbent(&selected.state, member);
-            let twins: Vec<Refined> = self.open.iter().filter(same).filter_map(|i| self.placed(*i, &z, selected, rest)).collect();
+            let placed = |i: &usize| self.placed(*i, self.starts(*i), &z, selected, rest);
+            let twins: Vec<Refined> = self.open.iter().filter(same).filter_map(placed).collect();
             let worth = self.worth(selected, rest);
             selected.rivals[member].extend(self.beside(rest, &twins, found, worth));
         }
