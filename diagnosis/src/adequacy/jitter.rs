@@ -107,7 +107,10 @@ fn growth(squares: &[f64], slopes: &[f64]) -> Option<Growth> {
         b = ((s * sxy - sx * sy) / determinant).max(0.0);
         error = (s / determinant).sqrt();
     }
-    Some(Growth { still: a, variance: b, error })
+    // Squares of noise with heavy tails scatter more than those of a normal one, whose variance is two.
+    let scatter = |(y, x): (&f64, &f64)| ((y / (a + b * x)).min(CUT) - 1.0).powi(2);
+    let heavier = squares.iter().zip(slopes).map(scatter).sum::<f64>() / (2.0 * squares.len() as f64);
+    Some(Growth { still: a, variance: b, error: error * heavier.sqrt().max(1.0) })
 }
 
 /// Regression of products of neighbouring residuals on products of their slopes, each in units of its own variance under `growth`.

@@ -1,7 +1,7 @@
 //! Something is loaded or unloaded: from t0 on the robot accelerates as with another mass and another moment of inertia.
 //!
 //! θ1 → θ1 (1 + d1), θ2 → θ2 (1 + d2), and where the load moves the centre of mass along the robot, θ5 → θ5 + d5 and
-//! θ3 → θ3 + h² d5 (of one cause, m b). In channels without wheels each has a change of its own. With `undone` all is as before from t1 on.
+//! θ3 → θ3 + h² d5 (of one cause, m b). In channels without wheels each has a change of its own. With `undone` all is as before from t0 + T on.
 
 use serde::{Deserialize, Serialize};
 use wheelwright_core::Effect;
@@ -19,6 +19,8 @@ pub struct PayloadChange {
     pub undone: bool,
 }
 
+/// Least share of the recording that a load stays on: what jerks the robot for a moment is none.
+const STAYS: f64 = 0.1;
 /// Times between which a change is tried that is undone, as shares of the recording.
 const WHILES: [(f64, f64); 12] = [
     (0.1, 0.3),
@@ -50,6 +52,14 @@ impl PayloadChange {
     }
 }
 
+/// When the load changes, and when it changes back, of the first time and how long it lasts.
+fn switches(times: &[f64]) -> impl Iterator<Item = f64> {
+    times.iter().scan(0.0, |now, t| {
+        *now += t;
+        Some(*now)
+    })
+}
+
 #[typetag::serde(name = "payload_change")]
 impl Effect for PayloadChange {
     fn name(&self) -> &str {
@@ -74,8 +84,10 @@ impl Effect for PayloadChange {
         let change = |name: &str| EffectParameter::new(name, "1", CHANGE, 0.1).neutral(0.0);
         // A change at either end is none: what it changes has to be seen before and after.
         let margin = MARGIN * (last - first);
-        let time = |name: &str| EffectParameter::new(name, "s", (first + margin, last - margin), margin);
-        let mut all: Vec<EffectParameter> = ["time_s", "until_s"].iter().take(self.times()).map(|name| time(name)).collect();
+        let mut all = vec![EffectParameter::new("time_s", "s", (first + margin, last - margin), margin)];
+        if self.undone {
+            all.push(EffectParameter::new("lasts_s", "s", (STAYS * (last - first), last - first), margin));
+        }
         if let Frame::Channels = scene.frame {
             all.extend(scene.outputs.iter().map(|y| change("inertia_change").of("output", &y.name)));
         } else {
@@ -95,28 +107,28 @@ impl Effect for PayloadChange {
         let times = self.times();
         let changes: Vec<f64> = self.parameters(scene)[times..].iter().map(|p| p.scale).collect();
         let columns: Vec<Vec<usize>> = (times..times + changes.len()).map(|i| vec![i]).collect();
-        let start = |shares: &[f64]| {
-            let at = shares.iter().map(|share| first + share * (last - first));
-            Start { values: at.chain(changes.iter().copied()).collect(), columns: columns.clone(), linear: true }
-        };
-        if self.undone { WHILES.map(|(from, to)| start(&[from, to])).into() } else { TIMES.map(|share| start(&[share])).into() }
+        let start = |when: &[f64]| Start { values: [when, &changes[..]].concat(), columns: columns.clone(), linear: true };
+        let (at, lasting) = (|share: f64| first + share * (last - first), |share: f64| share * (last - first));
+        if self.undone {
+            return WHILES.map(|(from, to)| start(&[at(from), lasting(to - from)])).into();
+        }
+        TIMES.map(|share| start(&[at(share)])).into()
     }
 
     /// The same change at other times nearby: while the robot does not accelerate, the time of change does not show, so that the
     /// likelihood has a maximum for every acceleration.
     fn detours(&self, values: &[f64], scene: &Scene) -> Vec<Vec<f64>> {
-        let ((first, last), (earliest, latest)) = (scene.scales.time, self.parameters(scene)[0].bounds);
-        let shifted = |(time, share): (usize, f64)| {
+        let ((first, last), parameters) = (scene.scales.time, self.parameters(scene));
+        // The whole, its end, and its beginning alone.
+        let ways: &[[f64; 2]] = if self.undone { &[[1.0, 0.0], [0.0, 1.0], [1.0, -1.0]] } else { &[[1.0, 0.0]] };
+        let shifted = |(way, share): (&[f64; 2], f64)| {
             let mut values = values.to_vec();
-            values[time] += share * (last - first);
+            values[..self.times()].iter_mut().zip(way).for_each(|(t, way)| *t += way * share * (last - first));
             values
         };
-        let orderly = |values: &Vec<f64>| {
-            let times = &values[..self.times()];
-            times.iter().all(|t| (earliest..=latest).contains(t)) && times.is_sorted()
-        };
+        let within = |values: &Vec<f64>| parameters.iter().zip(values).all(|(p, v)| (p.bounds.0..=p.bounds.1).contains(v));
         let shares = NEARBY.iter().flat_map(|share| [-share, *share]);
-        (0..self.times()).flat_map(|time| shares.clone().map(move |share| (time, share))).map(shifted).filter(orderly).collect()
+        ways.iter().flat_map(|way| shares.clone().map(move |share| (way, share))).map(shifted).filter(within).collect()
     }
 
     fn statement(&self, values: &[Estimate], scene: &Scene) -> String {
@@ -129,7 +141,7 @@ impl Effect for PayloadChange {
             Frame::Channels => format!("as if the inertia of `{}` were {}", scene.outputs[0].name, change(changes[0])),
             _ => format!("as if its mass were {} and its moment of inertia {}", change(changes[0]), change(changes[1])),
         };
-        let until = if self.undone { format!("until {}", when(values[1])) } else { "on".to_owned() };
+        let until = if self.undone { format!("on for {}", quantity(values[1], "s")) } else { "on".to_owned() };
         let (first, last) = scene.scales.time;
         format!(
             "the load changed at {}, {} into the recording: from then {until} the robot accelerates {what}; the model's stayed the same",
@@ -157,15 +169,15 @@ impl Effect for PayloadChange {
 
     fn next_switch(&self, p: &[f64], at: &Instant<'_>, _state: &[f64]) -> f64 {
         let (times, changes) = p.split_at(self.times());
-        let next = times.iter().copied().filter(|time| *time > at.time).fold(f64::INFINITY, f64::min);
+        let next = switches(times).filter(|time| *time > at.time).fold(f64::INFINITY, f64::min);
         if changes.iter().any(|change| *change != 0.0) { next } else { f64::INFINITY }
     }
 
     fn drive(&self, p: &[f64], at: &Instant<'_>, motion: &Motion<'_>, _state: &[f64], drive: &mut [f64]) {
         let (times, change) = p.split_at(self.times());
         // A time this close to a sample has not cut the interval.
-        let begun = |time: &f64| at.time >= time - 2e-9 * at.scene.scales.period;
-        if !begun(&times[0]) || times[1..].iter().any(begun) {
+        let passed = switches(times).filter(|time| at.time >= time - 2e-9 * at.scene.scales.period).count();
+        if passed != 1 {
             return;
         }
         let frame = &at.scene.frame;

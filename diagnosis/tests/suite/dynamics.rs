@@ -317,7 +317,7 @@ fn a_payload_changes_inertia_from_its_time_on() {
     }
     let (from, until, d1, d2) = (17.3456, 21.2345, 0.8, 0.5);
     let load = PayloadChange { undone: true };
-    let error = rig.error(&load, &[from, until, d1, d2, 0.0], rig.start, &[from, until], |t, u, [v, w]| {
+    let error = rig.error(&load, &[from, until - from, d1, d2, 0.0], rig.start, &[from, until], |t, u, [v, w]| {
         let on = if (from..until).contains(&t) { 1.0 } else { 0.0 };
         [(u[0] - 0.01 * w * w - 1.02 * v) / (0.26 * (1.0 + on * d1)), (u[1] - 0.05 * v * w - 1.05 * w) / (0.19 * (1.0 + on * d2))]
     });
