@@ -21,23 +21,12 @@ pub struct PayloadChange {
 
 /// Least share of the recording that a load stays on: what jerks the robot for a moment is none.
 const STAYS: f64 = 0.1;
-/// Times between which a change is tried that is undone, as shares of the recording.
-const WHILES: [(f64, f64); 12] = [
-    (0.1, 0.3),
-    (0.1, 0.5),
-    (0.1, 0.8),
-    (0.25, 0.4),
-    (0.25, 0.55),
-    (0.25, 0.8),
-    (0.4, 0.6),
-    (0.4, 0.8),
-    (0.5, 0.7),
-    (0.5, 0.9),
-    (0.65, 0.8),
-    (0.7, 0.9),
-];
 /// Times that are tried, as shares of the recording; a change nearer to an end has too little on one side of it.
 const TIMES: [f64; 15] = [0.08, 0.14, 0.20, 0.26, 0.32, 0.38, 0.44, 0.50, 0.56, 0.62, 0.68, 0.74, 0.80, 0.86, 0.92];
+/// Times between which a change is tried that is undone, of the same: what is undone is then the difference of two changes that are not, and
+/// nothing new to take out of the noise.
+const WHILES: [(usize, usize); 12] =
+    [(0, 4), (0, 7), (0, 12), (3, 5), (3, 8), (3, 12), (5, 8), (5, 12), (7, 10), (7, 14), (10, 12), (10, 14)];
 /// How far from a fitted time others are looked at, as shares of the recording: out to the next of [`TIMES`], and close.
 const NEARBY: [f64; 9] = [0.001, 0.002, 0.004, 0.008, 0.015, 0.022, 0.03, 0.045, 0.06];
 /// Share of the recording at either end in which no change is told.
@@ -110,7 +99,7 @@ impl Effect for PayloadChange {
         let start = |when: &[f64]| Start { values: [when, &changes[..]].concat(), columns: columns.clone(), linear: true };
         let (at, lasting) = (|share: f64| first + share * (last - first), |share: f64| share * (last - first));
         if self.undone {
-            return WHILES.map(|(from, to)| start(&[at(from), lasting(to - from)])).into();
+            return WHILES.map(|(from, to)| start(&[at(TIMES[from]), lasting(TIMES[to] - TIMES[from])])).into();
         }
         TIMES.map(|share| start(&[at(share)])).into()
     }
