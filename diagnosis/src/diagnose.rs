@@ -237,8 +237,8 @@ fn selected<'a>(start: Surroundings<'a>, known: Option<&'a Known>, closer: &'a O
 /// Whether wheels stand elsewhere in one scene than in another.
 fn astray(a: &Scene, b: &Scene) -> bool {
     let Some(radius) = a.wheel_radius else { return false };
-    let distances = |scene: &Scene| scene.tracks.iter().flat_map(|t| t.distance.clone()).flatten().collect::<Vec<f64>>();
-    distances(a).iter().zip(distances(b)).any(|(a, b)| (a - b).abs() > ASTRAY * radius)
+    let [there, here] = [a, b].map(|scene| scene.tracks.iter().flat_map(|t| &t.distance).flatten());
+    there.zip(here).any(|(a, b)| (a - b).abs() > ASTRAY * radius)
 }
 
 /// A story with what goes round with the wheels, if it shows once they are followed with what was found: where a misfit took the base model

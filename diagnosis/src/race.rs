@@ -174,7 +174,7 @@ impl<'a> Search<'a> {
         let least = before + field.least(self.penalty(1.0));
         let mut refined: Vec<Refined> = Vec::new();
         for Racing { effect, fit: coarse, .. } in racing {
-            let indices: Vec<usize> = state.effects.iter().copied().chain([effect]).collect();
+            let indices = state.and(effect);
             let Some(mut runner) = self.runner(&indices, &coarse.point) else { continue };
             let Some(mut fit) = evaluate(&self.setting, &mut runner, whitening, &coarse.point) else { continue };
             fit.columns = coarse.columns;
@@ -264,8 +264,7 @@ impl<'a> Search<'a> {
         responses: &[Response],
         field: &Field<'_>,
     ) -> Vec<Racing<'s, 'a>> {
-        let mut indices = state.effects.clone();
-        indices.push(candidates[0].effect);
+        let indices = state.and(candidates[0].effect);
         let effects = self.effects(&indices);
         // An effect as it starts, beside a model's unknowns.
         let beside = |z: &[f64], c: &Candidate| [z, &responses[c.response].start.values[..]].concat();
@@ -311,7 +310,7 @@ impl<'a> Search<'a> {
     /// An effect in the place of a member, from the best of some values and from where the other unknowns are.
     pub(crate) fn placed(&self, effect: usize, starts: Vec<Vec<f64>>, z: &[f64], selected: &Selected, rest: &State) -> Option<Refined> {
         let whitening = &selected.whitening;
-        let indices: Vec<usize> = rest.effects.iter().copied().chain([effect]).collect();
+        let indices = rest.and(effect);
         let from = |values: Vec<f64>| {
             let point = Point { x: [z, &values[..]].concat(), starts: selected.state.fit.point.starts.clone() };
             let mut runner = self.runner(&indices, &point)?;

@@ -51,6 +51,13 @@ pub(crate) struct State {
     pub(crate) fit: Fit,
 }
 
+impl State {
+    /// Its effects and one more, which stands last.
+    pub(crate) fn and(&self, effect: usize) -> Vec<usize> {
+        self.effects.iter().copied().chain([effect]).collect()
+    }
+}
+
 /// An explanation in which another effect takes a member's place.
 #[derive(Debug, Clone)]
 pub(crate) struct Rival {
@@ -213,7 +220,7 @@ impl<'a> Search<'a> {
             responses_at(&current, c[0].effect, self.effect(c[0].effect), even)
         });
         // Nor does it of what has to do with what was found: what had evidence by itself is among them too.
-        let open = |c: &&Vec<Candidate>| !closes(c) && self.joins(c[0].effect, &state.effects);
+        let open = |c: &&Vec<Candidate>| !closes(c);
         let alone = ranking.iter().filter(|(_, score)| *score > 0.0).filter_map(|(i, _)| screened.iter().find(|c| c[0].effect == *i));
         let alone: Vec<_> = alone.filter(open).filter(self.few()).take(RESIMULATED.0 / 2).collect();
         let others = |c: &&Vec<Candidate>| open(c) && alone.iter().all(|a| a[0].effect != c[0].effect);
@@ -300,7 +307,7 @@ impl<'a> Search<'a> {
                 selected.ranking = ranking;
             }
             if joined.is_none() && coloured(&selected.whitening.noise) && !self.setting.exhausted() {
-                joined = self.plainly(&selected).and_then(|plain| self.round(&plain, first).1);
+                joined = self.plainly(&selected).and_then(|plain| self.joined(&plain, first));
             }
             let Some(next) = joined else { break };
             selected = Selected { ranking: selected.ranking, ..next };
@@ -357,8 +364,7 @@ impl<'a> Search<'a> {
     /// the model that lacks the effect, but noise cannot hide from the model that has it.
     fn join(&self, selected: &Selected, refined: &[Refined], which: usize) -> Option<Selected> {
         let candidate = &refined[which];
-        let mut effects = selected.state.effects.clone();
-        effects.push(candidate.effect);
+        let effects = selected.state.and(candidate.effect);
         let noise = self.noise_of(&effects, &candidate.fit, &selected.whitening)?;
         let (whitening, with) = self.under(&effects, &candidate.fit, &noise, FINAL)?;
         let (_, without) = self.under(&selected.state.effects, &selected.state.fit, &noise, COMPARING)?;
@@ -395,7 +401,7 @@ impl<'a> Search<'a> {
     /// The refined effects other than the one that was taken, as rivals of it.
     fn beside(&self, rest: &State, refined: &[Refined], taken: usize, score: f64) -> Vec<Rival> {
         let others = refined.iter().filter(|r| r.effect != taken);
-        let joined = |r: &Refined| State { effects: rest.effects.iter().copied().chain([r.effect]).collect(), fit: r.fit.clone() };
+        let joined = |r: &Refined| State { effects: rest.and(r.effect), fit: r.fit.clone() };
         others.map(|r| Rival { effect: r.effect, state: joined(r), gap: score - r.score }).collect()
     }
 
@@ -545,7 +551,7 @@ impl<'a> Search<'a> {
             self.placed(i, starts.filter(|_| self.joins(i, &rest.effects))?, &z, selected, &rest)
         };
         let best = narrow.into_iter().filter_map(placed).max_by(|a, b| a.score.total_cmp(&b.score))?;
-        let state = State { effects: rest.effects.iter().copied().chain([best.effect]).collect(), fit: best.fit };
+        let state = State { effects: rest.and(best.effect), fit: best.fit };
         let narrow = self.only(selected, &state)?;
         let gain = self.gain(&narrow.state.fit, &rest);
         (self.gain(&selected.state.fit, &rest) - gain <= EXCHANGE.max(SHARE * gain)).then_some(narrow)
@@ -609,7 +615,7 @@ impl<'a> Search<'a> {
 
     /// The selection with a replacement, under the noise that it leaves.
     fn replaced(&self, selected: &Selected, rest: &State, best: &Refined) -> Option<Selected> {
-        let effects: Vec<usize> = rest.effects.iter().copied().chain([best.effect]).collect();
+        let effects = rest.and(best.effect);
         let noise = self.noise_of(&effects, &best.fit, &selected.whitening)?;
         let (whitening, fit) = self.under(&effects, &best.fit, &noise, FINAL)?;
         let (_, base) = self.under(&[], &selected.base, &noise, COMPARING)?;
