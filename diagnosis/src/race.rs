@@ -111,7 +111,10 @@ impl<'s, 'a> Racing<'s, 'a> {
         let Self { effect, mut runner, fit, value, .. } = self;
         let fit = maximise(&search.setting, &mut runner, whitening, fit, effort, false);
         let further = Self::new(search, effect, runner, fit);
-        Self { grown: further.value - value, ..further }
+        let grown = further.value - value;
+        // One whose steps were all too long has not shown its pace yet.
+        let grown = if grown <= 0.0 && further.fit.held_back() { f64::INFINITY } else { grown };
+        Self { grown, ..further }
     }
 
     /// Whether it may yet come near to what is best and to what is asked for, at a few times the pace of its last round.

@@ -19,6 +19,9 @@ use crate::fit::whitening::Whitening;
 /// A column that keeps less than this share of its length beside the model's own columns is theirs.
 const OWN: f64 = 1e-6;
 
+/// Shares of a step to a start of which the largest is made that can be looked at.
+const SHARES: [f64; 8] = [1.0, 0.97, 0.94, 0.88, 0.75, 0.5, 0.25, 0.12];
+
 /// A column that several starts share.
 type Shared = Arc<Vec<f64>>;
 
@@ -335,7 +338,10 @@ impl<'s, 'a> Projection<'s, 'a> {
             let factor = factor(&gram(&columns, &parts(self.setting), &self.fit.weights(self.setting)));
             let held = DVector::from_fn(x.len(), |j, _| 1e-3 * factor.r.column(j).norm());
             if let Ok(step) = constrained_step(&factor, Some(&held), &DVector::from_column_slice(x), &self.limits) {
-                moved.iter_mut().zip(step.iter()).for_each(|(x, s)| *x += s);
+                // What is linear may ask for a robot that follows at once: as far towards it as can be looked at.
+                let by = |share: f64| x.iter().zip(step.iter()).map(|(x, s)| x + share * s).collect::<Vec<f64>>();
+                let there = SHARES.into_iter().map(by).find(|there| self.setting.may_look(x, there));
+                moved = there.unwrap_or(moved);
             }
         }
         moved.extend_from_slice(values);

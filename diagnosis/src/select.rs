@@ -5,6 +5,8 @@
 //! parameter that has a usual value counts for as much of one as the data tell more of it than that: its part of the evidence is
 //! ln(1 + (spread/standard error)²), by Laplace's approximation.
 
+use std::borrow::Cow;
+
 use wheelwright_core::effect::{Effect, EffectParameter, Stage};
 
 use crate::adequacy::{Jitter, jittered};
@@ -27,7 +29,7 @@ const MOST: usize = 3;
 /// The same where an effect is found part by part, one side or axis after the other.
 const MOST_PARTS: usize = 2 * MOST;
 /// Effects, and starts of each, that are simulated again beside the effects of a model.
-const RESIMULATED: (usize, usize) = (12, 3);
+const RESIMULATED: (usize, usize) = (24, 3);
 /// Share of what the first effects explain that a further one must add: less is the imperfect form of the first.
 pub(crate) const SHARE: f64 = 0.02;
 /// Noise whose past tells a third of its variance could as well be motion.
@@ -203,6 +205,14 @@ impl<'a> Search<'a> {
         self.round(selected, responses).1
     }
 
+    /// Responses about a model, of which `first` are those about the base model.
+    fn responses_beside<'r>(&self, state: &State, selected: &Selected, first: &'r [Response]) -> Cow<'r, [Response]> {
+        match state.effects.is_empty() {
+            true => Cow::Borrowed(first),
+            false => Cow::Owned(self.respond_again(state, &selected.whitening, first, &selected.ranking)),
+        }
+    }
+
     /// Responses about a model with effects. Those about the base model say which effects and starts are worth a look; these are
     /// simulated anew beside the effects that the model has.
     fn respond_again(&self, state: &State, whitening: &Whitening, first: &[Response], ranking: &[(usize, f64)]) -> Vec<Response> {
@@ -311,28 +321,38 @@ impl<'a> Search<'a> {
             }
             let Some(next) = joined else { break };
             selected = Selected { ranking: selected.ranking, ..next };
-            if selected.state.effects.len() > 1 {
-                // What else could have joined in the newest member's place has just been seen.
-                let newest = selected.rivals.pop();
-                self.exchange(&mut selected, first, newest);
-            }
+            self.contest(&mut selected, first);
         }
         Ok(selected)
+    }
+
+    /// The members after another has joined, each contested by what could stand in its place. For the newest that has just been seen; but what
+    /// was seen for the first was seen beside a base model that bends to what is missing.
+    fn contest(&self, selected: &mut Selected, first: &[Response]) {
+        let before = selected.state.effects.clone();
+        let seen = selected.rivals.pop();
+        if before.len() > self.fixed(selected) + 1 {
+            return self.exchange(selected, first, seen);
+        }
+        self.exchange(selected, first, None);
+        let Some(rivals) = selected.rivals.last_mut().filter(|_| selected.state.effects == before) else { return };
+        // No look at a rival is worth more than another: the one counts in which it comes nearer.
+        for rival in seen.into_iter().flatten() {
+            match rivals.iter_mut().find(|known| known.effect == rival.effect) {
+                Some(known) if known.gap <= rival.gap => {}
+                Some(known) => *known = rival,
+                None => rivals.push(rival),
+            }
+        }
     }
 
     /// What every effect is worth beside a model, and the model with the best that holds its evidence under the noise it leaves: a
     /// candidate that loses it makes room for the next.
     fn round(&self, selected: &Selected, first: &[Response]) -> (Vec<(usize, f64)>, Option<Selected>) {
-        let fresh;
-        let responses = if selected.state.effects.is_empty() {
-            first
-        } else {
-            fresh = self.respond_again(&selected.state, &selected.whitening, first, &selected.ranking);
-            &fresh
-        };
-        let screened = self.screen(&selected.state, &selected.whitening, responses);
+        let responses = self.responses_beside(&selected.state, selected, first);
+        let screened = self.screen(&selected.state, &selected.whitening, &responses);
         let field = Field::open(selected.gained(&self.setting, &selected.state.fit));
-        let refined = self.refine(&selected.state, &selected.whitening, &screened, responses, &field);
+        let refined = self.refine(&selected.state, &selected.whitening, &screened, &responses, &field);
         let joined = (0..refined.len().min(2)).filter(|i| refined[*i].score > 0.0).find_map(|i| self.join(selected, &refined, i));
         (self.ranking(&screened, &refined), joined)
     }
@@ -602,7 +622,7 @@ impl<'a> Search<'a> {
     fn replacements(&self, selected: &Selected, member: usize, first: &[Response]) -> (State, Vec<Refined>) {
         let base = || State { effects: Vec::new(), fit: selected.base.clone() };
         let Some(rest) = self.without(selected, member) else { return (base(), Vec::new()) };
-        let responses = self.respond_again(&rest, &selected.whitening, first, &selected.ranking);
+        let responses = self.responses_beside(&rest, selected, first);
         let dropped = selected.state.effects[member];
         let screened = self.screen(&rest, &selected.whitening, &responses);
         let others: Vec<Vec<Candidate>> = screened.into_iter().filter(|c| c[0].effect != dropped).collect();

@@ -2,6 +2,8 @@
 //!
 //! A `settling` supply weakens quickly first and then slowly, as one does that has just been charged: U' = (1 − K (1 − e^{−(t − t0)/τ})) U.
 //!
+//! Of a `dropped` one a cell fails, or a second one is switched on: U' = (1 − D) U from some time on.
+//!
 //! A `loaded` one has a resistance of its own and gives way to the current that it is asked for as well: U' = (1 − k (t − t0) − r P) U. By the balance
 //! of power the current is P = Σ U_w e_w/2c² over the wheels, e_w what drives a wheel's motor against its back-EMF and c a typical command: r is lost
 //! where such a command meets a wheel that stands.
@@ -14,6 +16,7 @@ use wheelwright_core::Effect;
 use wheelwright_core::effect::{Confusion, EffectParameter, Estimate, Frame, Instant, Motion, Scene, Stage, Start};
 
 use super::force;
+use super::moments;
 use super::words::{digits, quantity, scaled};
 
 /// How a supply weakens.
@@ -25,6 +28,8 @@ pub enum SagLaw {
     Steady,
     /// Quickly first, then slowly.
     Settling,
+    /// At once, at some time.
+    Dropped,
     /// In proportion to time, and to the current it is asked for.
     Loaded,
 }
@@ -56,6 +61,13 @@ impl BatterySag {
         let since = at.time - at.scene.scales.time.0;
         match self.law {
             SagLaw::Settling => -p[0] * (-since / p[1]).exp_m1(),
+            SagLaw::Dropped => {
+                if moments::passed(p[1], at) {
+                    p[0]
+                } else {
+                    0.0
+                }
+            }
             SagLaw::Steady | SagLaw::Loaded => (p[0] * since).min(1.0),
         }
     }
@@ -89,6 +101,7 @@ impl Effect for BatterySag {
         let how = match self.law {
             SagLaw::Steady => "steadily with time",
             SagLaw::Settling => "with time, quickly first",
+            SagLaw::Dropped => "at once at some time",
             SagLaw::Loaded => "with time and under load",
         };
         match self.servo {
@@ -120,6 +133,10 @@ impl Effect for BatterySag {
                 let told = (TOLD.0 / per_second, TOLD.1 / per_second);
                 vec![share("lost"), EffectParameter::new("settling_time", "s", told, 0.05 / per_second)]
             }
+            SagLaw::Dropped => {
+                let lost = EffectParameter::new("lost", "1", (-1.0, 1.0), 0.03).neutral(0.0);
+                vec![lost, moments::parameter(scene)]
+            }
             SagLaw::Loaded => vec![share("lost_under_load"), sag],
         }
     }
@@ -133,8 +150,20 @@ impl Effect for BatterySag {
                 let after = |share: f64| Start { values: vec![0.03, share * duration(scene)], columns: vec![vec![0]], linear: true };
                 TIMES.map(after).into()
             }
+            SagLaw::Dropped => {
+                let at = |share: f64| Start { values: vec![0.03, moments::at(share, scene)], columns: vec![vec![0]], linear: true };
+                moments::SHARES.map(at).into()
+            }
             SagLaw::Loaded => vec![start(vec![GIVES_WAY, steady])],
         }
+    }
+
+    /// The same drop at other times nearby: while nothing drives it does not show.
+    fn detours(&self, values: &[f64], scene: &Scene) -> Vec<Vec<f64>> {
+        if self.law != SagLaw::Dropped {
+            return Vec::new();
+        }
+        moments::nearby(scene).map(|off| vec![values[0], values[1] + off]).filter(|v| moments::within(v[1], scene)).collect()
     }
 
     fn statement(&self, values: &[Estimate], scene: &Scene) -> String {
@@ -151,6 +180,15 @@ impl Effect for BatterySag {
             SagLaw::Settling => {
                 let time = quantity(values[1], "s");
                 format!("{what} lose {} of their effect, quickly first, most of it within {time}", lost())
+            }
+            SagLaw::Dropped => {
+                let verb = if values[0].value < 0.0 { "gain" } else { "lose" };
+                let share = quantity(scaled(values[0], |x| 100.0 * x * values[0].value.signum()), "%");
+                format!(
+                    "{what} {verb} {share} of their effect at {}, {} into the recording",
+                    moments::when(values[1]),
+                    moments::into(values[1], scene)
+                )
             }
             SagLaw::Loaded => format!(
                 "the supply gives way under load: {what} lose {} of their effect where a typical command meets wheels that stand, and {}",
@@ -180,6 +218,10 @@ impl Effect for BatterySag {
                 because: "a recording that drives one way first and the other way later makes a change with time out of one with direction",
             },
         ]
+    }
+
+    fn next_switch(&self, p: &[f64], at: &Instant<'_>, _state: &[f64]) -> f64 {
+        if self.law == SagLaw::Dropped && p[0] != 0.0 && p[1] > at.time { p[1] } else { f64::INFINITY }
     }
 
     fn command(&self, p: &[f64], at: &Instant<'_>, _outputs: &[f64], _state: &mut [f64], u: &mut [f64]) {

@@ -50,6 +50,7 @@ mod integral_action;
 mod late;
 mod lateral_com_offset;
 mod loops;
+mod moments;
 mod parts;
 mod payload_change;
 mod quadratic_drag;
@@ -130,24 +131,29 @@ fn command_side() -> Vec<Box<dyn Effect>> {
         Box::new(ActuatorLag { each_axis: true, resonant: false }),
         Box::new(ActuatorLag { each_axis: false, resonant: true }),
         Box::new(SlewLimit::default()),
-        Box::new(SlewLimit { wheels: true, axis: None }),
+        Box::new(SlewLimit { wheels: true, ..SlewLimit::default() }),
+        Box::new(SlewLimit { slowing: true, ..SlewLimit::default() }),
+        Box::new(SlewLimit { wheels: true, slowing: true, axis: None }),
         Box::new(DeadZone::default()),
         Box::new(DeadZone { servo: true, ..DeadZone::default() }),
         Box::new(VelocitySaturation::default()),
         Box::new(VelocitySaturation { soft: true, ..VelocitySaturation::default() }),
+        Box::new(VelocitySaturation { together: true, ..VelocitySaturation::default() }),
         Box::new(TorqueSaturation {}),
         Box::new(GainAsymmetry::default()),
         Box::new(GainAsymmetry { servo: true }),
         Box::new(BatterySag::default()),
         Box::new(BatterySag { law: SagLaw::Settling, servo: false }),
+        Box::new(BatterySag { law: SagLaw::Dropped, servo: false }),
         Box::new(BatterySag { law: SagLaw::Loaded, servo: false }),
         Box::new(BatterySag { law: SagLaw::Steady, servo: true }),
         Box::new(BatterySag { law: SagLaw::Settling, servo: true }),
+        Box::new(BatterySag { law: SagLaw::Dropped, servo: true }),
         Box::new(BatterySag { law: SagLaw::Loaded, servo: true }),
         Box::new(IntegralAction {}),
     ];
     for axis in [Axis::V, Axis::Omega] {
-        all.push(Box::new(SlewLimit { axis: Some(axis), wheels: false }));
+        all.push(Box::new(SlewLimit { axis: Some(axis), ..SlewLimit::default() }));
         all.push(Box::new(DeadZone { axis: Some(axis), ..DeadZone::default() }));
         all.push(Box::new(VelocitySaturation { axis: Some(axis), ..VelocitySaturation::default() }));
     }

@@ -8,7 +8,8 @@ use wheelwright_core::Effect;
 use wheelwright_core::effect::{Confusion, EffectParameter, Estimate, Frame, Instant, Motion, Scene, Stage, Start};
 
 use super::force;
-use super::words::{percent, quantity, scaled};
+use super::moments::{self, SHARES};
+use super::words::{quantity, scaled};
 
 /// A change of payload.
 #[derive(Debug, Clone, Default, Serialize, Deserialize)]
@@ -21,16 +22,10 @@ pub struct PayloadChange {
 
 /// Least share of the recording that a load stays on: what jerks the robot for a moment is none.
 const STAYS: f64 = 0.1;
-/// Times that are tried, as shares of the recording; a change nearer to an end has too little on one side of it.
-const TIMES: [f64; 15] = [0.08, 0.14, 0.20, 0.26, 0.32, 0.38, 0.44, 0.50, 0.56, 0.62, 0.68, 0.74, 0.80, 0.86, 0.92];
-/// Times between which a change is tried that is undone, of the same: what is undone is then the difference of two changes that are not, and
+/// Times between which a change is tried that is undone, of those of one that is not: what is undone is then the difference of two changes that are not, and
 /// nothing new to take out of the noise.
 const WHILES: [(usize, usize); 12] =
     [(0, 4), (0, 7), (0, 12), (3, 5), (3, 8), (3, 12), (5, 8), (5, 12), (7, 10), (7, 14), (10, 12), (10, 14)];
-/// How far from a fitted time others are looked at, as shares of the recording: out to the next of [`TIMES`], and close.
-const NEARBY: [f64; 9] = [0.001, 0.002, 0.004, 0.008, 0.015, 0.022, 0.03, 0.045, 0.06];
-/// Share of the recording at either end in which no change is told.
-const MARGIN: f64 = 0.02;
 /// Half of the robot may have been load; a robot that carries six times itself is another one.
 const CHANGE: (f64, f64) = (-0.5, 6.0);
 
@@ -71,12 +66,9 @@ impl Effect for PayloadChange {
     fn parameters(&self, scene: &Scene) -> Vec<EffectParameter> {
         let (first, last) = scene.scales.time;
         let change = |name: &str| EffectParameter::new(name, "1", CHANGE, 0.1).neutral(0.0);
-        // A change at either end is none: what it changes has to be seen before and after.
-        let margin = MARGIN * (last - first);
-        let mut all = vec![EffectParameter::new("time_s", "s", (first + margin, last - margin), margin)];
-        if self.undone {
-            all.push(EffectParameter::new("lasts_s", "s", (STAYS * (last - first), last - first), margin));
-        }
+        let time = moments::parameter(scene);
+        let lasts = EffectParameter::new("lasts_s", "s", (STAYS * (last - first), last - first), time.scale);
+        let mut all = if self.undone { vec![time, lasts] } else { vec![time] };
         if let Frame::Channels = scene.frame {
             all.extend(scene.outputs.iter().map(|y| change("inertia_change").of("output", &y.name)));
         } else {
@@ -92,32 +84,31 @@ impl Effect for PayloadChange {
     }
 
     fn starts(&self, scene: &Scene) -> Vec<Start> {
-        let (first, last) = scene.scales.time;
         let times = self.times();
         let changes: Vec<f64> = self.parameters(scene)[times..].iter().map(|p| p.scale).collect();
         let columns: Vec<Vec<usize>> = (times..times + changes.len()).map(|i| vec![i]).collect();
         let start = |when: &[f64]| Start { values: [when, &changes[..]].concat(), columns: columns.clone(), linear: true };
-        let (at, lasting) = (|share: f64| first + share * (last - first), |share: f64| share * (last - first));
+        let at = |share: f64| moments::at(share, scene);
         if self.undone {
-            return WHILES.map(|(from, to)| start(&[at(TIMES[from]), lasting(TIMES[to] - TIMES[from])])).into();
+            return WHILES.map(|(from, to)| (at(SHARES[from]), at(SHARES[to]))).map(|(from, to)| start(&[from, to - from])).into();
         }
-        TIMES.map(|share| start(&[at(share)])).into()
+        SHARES.map(|share| start(&[at(share)])).into()
     }
 
     /// The same change at other times nearby: while the robot does not accelerate, the time of change does not show, so that the
     /// likelihood has a maximum for every acceleration.
     fn detours(&self, values: &[f64], scene: &Scene) -> Vec<Vec<f64>> {
-        let ((first, last), parameters) = (scene.scales.time, self.parameters(scene));
+        let parameters = self.parameters(scene);
         // The whole, its end, and its beginning alone.
         let ways: &[[f64; 2]] = if self.undone { &[[1.0, 0.0], [0.0, 1.0], [1.0, -1.0]] } else { &[[1.0, 0.0]] };
-        let shifted = |(way, share): (&[f64; 2], f64)| {
+        let shifted = |(way, off): (&[f64; 2], f64)| {
             let mut values = values.to_vec();
-            values[..self.times()].iter_mut().zip(way).for_each(|(t, way)| *t += way * share * (last - first));
+            values[..self.times()].iter_mut().zip(way).for_each(|(t, way)| *t += way * off);
             values
         };
         let within = |values: &Vec<f64>| parameters.iter().zip(values).all(|(p, v)| (p.bounds.0..=p.bounds.1).contains(v));
-        let shares = NEARBY.iter().flat_map(|share| [-share, *share]);
-        ways.iter().flat_map(|way| shares.clone().map(move |share| (way, share))).map(shifted).filter(within).collect()
+        let nearby = moments::nearby(scene);
+        ways.iter().flat_map(|way| nearby.clone().map(move |off| (way, off))).map(shifted).filter(within).collect()
     }
 
     fn statement(&self, values: &[Estimate], scene: &Scene) -> String {
@@ -131,11 +122,10 @@ impl Effect for PayloadChange {
             _ => format!("as if its mass were {} and its moment of inertia {}", change(changes[0]), change(changes[1])),
         };
         let until = if self.undone { format!("on for {}", quantity(values[1], "s")) } else { "on".to_owned() };
-        let (first, last) = scene.scales.time;
         format!(
             "the load changed at {}, {} into the recording: from then {until} the robot accelerates {what}; the model's stayed the same",
-            when(values[0]),
-            percent((values[0].value - first) / (last - first)),
+            moments::when(values[0]),
+            moments::into(values[0], scene),
         )
     }
 
@@ -164,8 +154,7 @@ impl Effect for PayloadChange {
 
     fn drive(&self, p: &[f64], at: &Instant<'_>, motion: &Motion<'_>, _state: &[f64], drive: &mut [f64]) {
         let (times, change) = p.split_at(self.times());
-        // A time this close to a sample has not cut the interval.
-        let passed = switches(times).filter(|time| at.time >= time - 2e-9 * at.scene.scales.period).count();
+        let passed = switches(times).filter(|time| moments::passed(*time, at)).count();
         if passed != 1 {
             return;
         }
@@ -178,13 +167,5 @@ impl Effect for PayloadChange {
         } else {
             drive.iter_mut().zip(change).for_each(|(drive, change)| *drive /= 1.0 + change);
         }
-    }
-}
-
-/// A time to a hundredth of a second.
-fn when(time: Estimate) -> String {
-    match time.ci95 {
-        Some((from, to)) => format!("{:.2} s ({from:.2} to {to:.2})", time.value),
-        None => format!("{:.2} s", time.value),
     }
 }

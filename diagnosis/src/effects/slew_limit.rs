@@ -1,4 +1,7 @@
 //! The command cannot change faster than a rate: |dU'/dt| ≤ a, on each axis, on one axis, or on each wheel.
+//!
+//! With `slowing`, |U'| falls at a rate of its own: drivers and motor controllers set acceleration and deceleration apart. A change of sign
+//! is slowed down to zero first and sped up from there.
 
 use serde::{Deserialize, Serialize};
 use wheelwright_core::Effect;
@@ -17,7 +20,14 @@ pub struct SlewLimit {
     /// On each wheel, with one rate for both, in place of the axes.
     #[serde(skip_serializing_if = "std::ops::Not::not")]
     pub wheels: bool,
+    /// With another rate for slowing down than for speeding up.
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    pub slowing: bool,
 }
+
+/// Rates that are tried where slowing down has its own, in sizes of the command a second, and how many times as fast it is.
+const SPEEDING: [f64; 5] = [0.25, 0.6, 1.5, 4.0, 10.0];
+const SLOWING: [f64; 2] = [0.5, 2.0];
 
 impl SlewLimit {
     fn parts(&self, scene: &Scene) -> Parts {
@@ -25,8 +35,31 @@ impl SlewLimit {
     }
 }
 
-fn rate(part: &Part) -> String {
+fn unit(part: &Part) -> String {
     format!("{}/s", part.unit).replace("/s/s", "/s2")
+}
+
+/// The rates of a part for speeding up and slowing down, by the number of its parameter.
+fn rates(p: &[f64], slowing: bool, i: usize) -> [f64; 2] {
+    [p[i], p[if slowing { p.len() / 2 + i } else { i }]]
+}
+
+/// How far a command goes on its way before its rate changes, and which of the rates it has until then.
+fn leg(from: f64, to: f64, rates: [f64; 2]) -> (f64, f64) {
+    if from * to < 0.0 { (0.0, rates[1]) } else { (to, rates[usize::from(to.abs() < from.abs())]) }
+}
+
+/// Where a command is after a time on its way.
+fn ramped(from: f64, to: f64, rates: [f64; 2], span: f64) -> f64 {
+    let (end, rate) = leg(from, to, rates);
+    let time = (end - from).abs() / rate;
+    if time > span {
+        from + (rate * span).copysign(end - from)
+    } else if end == to {
+        to
+    } else {
+        ramped(end, to, rates, span - time)
+    }
 }
 
 #[typetag::serde(name = "slew_limit")]
@@ -36,7 +69,9 @@ impl Effect for SlewLimit {
     }
 
     fn about(&self) -> String {
-        "commands are ramped: their rate of change is limited".to_owned()
+        let rates =
+            if self.slowing { "the rates at which they grow and fall are limited apart" } else { "their rate of change is limited" };
+        format!("commands are ramped: {rates}")
     }
 
     fn stage(&self) -> Stage {
@@ -62,18 +97,38 @@ impl Effect for SlewLimit {
     fn parameters(&self, scene: &Scene) -> Vec<EffectParameter> {
         // Slower than once to its typical size and back over the recording nothing would have been driven.
         let lowest = 2.0 / (scene.scales.time.1 - scene.scales.time.0);
-        let of = |p: Part| p.parameter("rate", &rate(&p), (lowest * p.typical, f64::INFINITY), 0.3 * p.typical).neutral(f64::INFINITY);
-        self.parts(scene).list(scene).into_iter().map(of).collect()
+        let of =
+            |name: &str, p: &Part| p.parameter(name, &unit(p), (lowest * p.typical, f64::INFINITY), 0.3 * p.typical).neutral(f64::INFINITY);
+        let (parts, names) = (self.parts(scene).list(scene), ["rate", "slowing_rate"]);
+        names[..if self.slowing { 2 } else { 1 }].iter().flat_map(|name| parts.iter().map(|p| of(name, p))).collect()
     }
 
     fn starts(&self, scene: &Scene) -> Vec<Start> {
         let sizes: Vec<f64> = self.parts(scene).list(scene).iter().map(|p| p.typical).collect();
+        if self.slowing {
+            let n = sizes.len();
+            let at = |share: f64, times: f64| Start {
+                values: [share, share * times].iter().flat_map(|rate| sizes.iter().map(move |size| rate * size)).collect(),
+                columns: (0..n).map(|i| vec![i, n + i]).collect(),
+                linear: false,
+            };
+            return SPEEDING.iter().flat_map(|share| SLOWING.map(|times| at(*share, times))).collect();
+        }
         part_by_part(&sizes, &[0.15, 0.25, 0.4, 0.6, 1.0, 1.7, 2.8, 4.6, 8.0, 13.0, 22.0], &[0.2, 0.45, 1.0, 2.2, 5.0, 11.0, 25.0])
     }
 
     fn statement(&self, values: &[Estimate], scene: &Scene) -> String {
         let parts = self.parts(scene).list(scene);
-        let said = each(&parts, values, |p, v| format!("{} command changes by at most {}", p.whose, quantity(v, &rate(p))));
+        let (up, down) = values.split_at(parts.len());
+        // Over within one sampling interval, it is none that these data show.
+        let at_once = |p: &Part, v: Estimate| v.value * scene.scales.period > p.largest;
+        let of = |values: &[Estimate], how: &str| {
+            each(&parts, values, |p, v| match at_once(p, v) {
+                true => format!("{} command {how} at once", p.whose),
+                false => format!("{} command {how} by at most {}", p.whose, quantity(v, &unit(p))),
+            })
+        };
+        let said = if self.slowing { [of(up, "speeds up"), of(down, "slows down")].join(", ") } else { of(up, "changes") };
         format!("{said}; the model had no ramp")
     }
 
@@ -101,24 +156,24 @@ impl Effect for SlewLimit {
         self.parts(at.scene).look(inputs, |(i, command)| state[2 * i..2 * i + 2].fill(command));
     }
 
-    /// A ramp ends where it reaches its goal.
+    /// A ramp ends where it reaches its goal, and turns from slowing down to speeding up where it passes through zero.
     fn next_switch(&self, p: &[f64], at: &Instant<'_>, state: &[f64]) -> f64 {
-        let several = p.len() > 1;
-        let ends = state.chunks_exact(2).enumerate().map(|(i, s)| {
-            let rate = p[if several { i } else { 0 }];
-            let left = (s[1] - s[0]).abs();
-            if left > 0.0 { at.time + left / rate } else { f64::INFINITY }
+        let several = p.len() > if self.slowing { 2 } else { 1 };
+        let ends = state.chunks_exact(2).enumerate().flat_map(|(i, s)| {
+            let rates = rates(p, self.slowing, if several { i } else { 0 });
+            let (turn, rate) = if self.slowing { leg(s[0], s[1], rates) } else { (s[1], rates[0]) };
+            let time = |from: f64, to: f64, rate: f64| if from == to { 0.0 } else { (to - from).abs() / rate };
+            let turned = at.time + time(s[0], turn, rate);
+            [turned, turned + time(turn, s[1], rates[0])]
         });
         ends.filter(|t| *t > at.time + 1e-9 * at.scene.scales.period).fold(f64::INFINITY, f64::min)
     }
 
     fn command(&self, p: &[f64], at: &Instant<'_>, _outputs: &[f64], state: &mut [f64], u: &mut [f64]) {
         self.parts(at.scene).change(u, |part, i, goal| {
-            let s = &mut state[2 * part..2 * part + 2];
-            let reach = if p[i].is_finite() { p[i] * at.span } else { f64::INFINITY };
-            s[0] += (goal - s[0]).clamp(-reach, reach);
-            s[1] = goal;
-            s[0]
+            let there = ramped(state[2 * part], goal, rates(p, self.slowing, i), at.span);
+            state[2 * part..2 * part + 2].copy_from_slice(&[there, goal]);
+            there
         });
     }
 }

@@ -1,12 +1,15 @@
 //! Commands are clipped: U' = clip(U, ±m) on each wheel, on one wheel, or on an axis.
 //!
+//! With `together` both wheels are slowed down alike where one of them is over the limit, U' = U m / max(|U_l|, |U_r|), so that the robot
+//! keeps to its path: as FRC robots are desaturated, and as Nav2 scales velocities.
+//!
 //! With `soft` they are bent: U' = U (1 + |U/m|^p)^(−1/p), the harder the greater p.
 
 use serde::{Deserialize, Serialize};
 use wheelwright_core::Effect;
 use wheelwright_core::effect::{Confusion, EffectParameter, Estimate, Instant, Scene, Stage, Start};
 
-use super::force::Wheel;
+use super::force::{self, Wheel};
 use super::parts::{Axis, Parts, shares};
 use super::words::{each, quantity};
 
@@ -24,6 +27,9 @@ pub struct VelocitySaturation {
     /// Whether the limit is approached and not met.
     #[serde(skip_serializing_if = "std::ops::Not::not")]
     pub soft: bool,
+    /// Whether a wheel over the limit slows the other one down as well.
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    pub together: bool,
 }
 
 /// How hard a soft limit may be, and is at first: below, it is a drag in proportion to speed's square; above, it is a limit.
@@ -47,7 +53,12 @@ impl Effect for VelocitySaturation {
     }
 
     fn about(&self) -> String {
-        if self.soft { "commands bend towards a limit".to_owned() } else { "commands above a limit are clipped".to_owned() }
+        let how = match (self.soft, self.together) {
+            (true, _) => "commands bend towards a limit",
+            (false, true) => "commands above a limit are scaled down, both wheels' alike",
+            (false, false) => "commands above a limit are clipped",
+        };
+        how.to_owned()
     }
 
     fn stage(&self) -> Stage {
@@ -64,7 +75,13 @@ impl Effect for VelocitySaturation {
     }
 
     fn inapplicable(&self, scene: &Scene) -> Option<String> {
-        Parts::refuse(scene.frame, self.wheel, self.axis)
+        if !self.together {
+            return Parts::refuse(scene.frame, self.wheel, self.axis);
+        }
+        let other = self.soft || self.wheel.is_some() || self.axis.is_some();
+        other
+            .then(|| "it is set to both wheels together and to something else: it is one of them".to_owned())
+            .or_else(|| force::needs_wheels(scene))
     }
 
     fn parameters(&self, scene: &Scene) -> Vec<EffectParameter> {
@@ -89,7 +106,8 @@ impl Effect for VelocitySaturation {
         let parts = self.parts(scene).list(scene);
         let verb = if self.soft { "bends towards" } else { "is cut at" };
         let said = each(&parts, values, |p, v| format!("{} command {verb} {}", p.whose, quantity(v, &p.unit)));
-        format!("{said}; the model had no limit")
+        let both = if self.together { ", and the other wheel's in proportion" } else { "" };
+        format!("{said}{both}; the model had no limit")
     }
 
     fn excitation(&self) -> &'static str {
@@ -114,6 +132,12 @@ impl Effect for VelocitySaturation {
     }
 
     fn command(&self, p: &[f64], at: &Instant<'_>, _outputs: &[f64], _state: &mut [f64], u: &mut [f64]) {
+        if self.together {
+            let fastest = at.scene.frame.wheels(u).into_iter().fold(0.0, |most: f64, u| most.max(u.abs()));
+            let scale = if fastest > p[0] { p[0] / fastest } else { 1.0 };
+            u.iter_mut().for_each(|u| *u *= scale);
+            return;
+        }
         let hardness = p.last().filter(|_| self.soft);
         self.parts(at.scene).change(u, |_, i, command| match hardness {
             Some(hardness) => command * (1.0 + (command / p[i]).abs().powf(*hardness)).powf(-1.0 / hardness),

@@ -16,9 +16,6 @@ use super::whitening::Whitening;
 pub(crate) const OPTIMISM: f64 = 4.0;
 /// Distance in twice the log-likelihood at which a rival is none.
 pub(crate) const OUT_OF_REACH: f64 = 40.0;
-/// Rate per sampling interval beyond which no trial goes: within one interval a step comes nearer to its end than the numerical error, and all
-/// that is faster looks the same, but for the time that it takes to simulate.
-const TOO_FAST: f64 = 20.0;
 /// By how much twice the log-likelihood may fall where starts are moved: more, and they are not as linear as the move takes them to be, and
 /// the other unknowns have to follow.
 const STRAIGHT: f64 = 1.0;
@@ -62,6 +59,11 @@ impl Fit {
     /// Twice the log-likelihood up to a constant.
     pub(crate) fn likelihood(&self, setting: &Setting<'_>) -> f64 {
         likelihood(&self.squares, setting.layout.counted()) - self.unusual
+    }
+
+    /// Whether the last steps that were tried led nowhere, and the next would be shorter.
+    pub(crate) fn held_back(&self) -> bool {
+        self.damping > FIRST_DAMPING
     }
 
     /// Weight of each output's squares.
@@ -174,7 +176,7 @@ pub(crate) fn maximise(
     if unknowns == 0 {
         return fit;
     }
-    let fastest = runner.rate(&fit.point.x).max(TOO_FAST);
+    let begun = fit.point.x.clone();
     let mut fresh = fit.columns.len() < unknowns || fit.columns.iter().any(Vec::is_empty);
     if fresh {
         linearise(runner, whitening, &mut fit, 0..unknowns);
@@ -199,7 +201,7 @@ pub(crate) fn maximise(
         let mut trial = fit.point.clone();
         trial.x.iter_mut().zip(step.iter()).for_each(|(x, s)| *x += s);
         clamp(&mut trial, setting.free(), runner);
-        let reached = if runner.rate(&trial.x) > fastest { None } else { evaluate(setting, runner, whitening, &trial) };
+        let reached = if setting.may_look(&begun, &trial.x) { evaluate(setting, runner, whitening, &trial) } else { None };
         let gain = reached.as_ref().map_or(f64::NEG_INFINITY, |r| r.likelihood(setting) - fit.likelihood(setting));
         match reached {
             Some(mut next) if gain > 0.0 => {

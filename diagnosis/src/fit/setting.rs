@@ -11,6 +11,9 @@ use wheelwright_core::simulation::{Readout, linear_part};
 
 use super::layout::Layout;
 
+/// Rate per sampling interval beyond which no trial goes: within one interval a step comes nearer to its end than the numerical error, and all
+/// that is faster looks the same, but for the time that it takes to simulate.
+const TOO_FAST: f64 = 20.0;
 /// Difference of a base parameter for its column, as a share of its plausible size.
 const DIFFERENCE: f64 = 1e-3;
 /// Difference of an effect's parameter for its column, as a share of its scale, or of its value where that is a size: large enough to average
@@ -70,6 +73,22 @@ impl<'a> Setting<'a> {
     /// Whether the search has had its share of simulation.
     pub(crate) fn exhausted(&self) -> bool {
         self.work.get() > self.most_steps
+    }
+
+    /// Fastest rate at which an output of the model at these unknowns follows, per sampling interval.
+    fn rate(&self, x: &[f64]) -> f64 {
+        let n = self.layout.outputs();
+        let theta = self.map.theta(&x[..self.free()]);
+        let mut linear = vec![0.0; n * n];
+        match linear_part(self.model, &theta, &mut linear) {
+            Ok(_) => (0..n).map(|i| linear[i * n + i].abs()).fold(0.0, f64::max) * self.scene.scales.period,
+            Err(_) => f64::INFINITY,
+        }
+    }
+
+    /// Whether a search that goes on from one point may look at another.
+    pub(crate) fn may_look(&self, from: &[f64], there: &[f64]) -> bool {
+        self.rate(there) <= self.rate(from).max(TOO_FAST)
     }
 
     /// Steps of the free parameters about a point, from the plausible sizes of θ.
@@ -217,17 +236,6 @@ impl<'s, 'a> Runner<'s, 'a> {
             }
         }
         true
-    }
-
-    /// Fastest rate at which an output of the model at these unknowns follows, per sampling interval.
-    pub(crate) fn rate(&self, x: &[f64]) -> f64 {
-        let n = self.setting.layout.outputs();
-        let theta = self.setting.map.theta(&x[..self.setting.free()]);
-        let mut linear = vec![0.0; n * n];
-        match linear_part(self.setting.model, &theta, &mut linear) {
-            Ok(_) => (0..n).map(|i| linear[i * n + i].abs()).fold(0.0, f64::max) * self.setting.scene.scales.period,
-            Err(_) => f64::INFINITY,
-        }
     }
 
     /// Difference step of unknown `j` at a point, away from its upper bound.

@@ -13,7 +13,7 @@ use super::layout::Layout;
 use super::search::{Effort, Fit, evaluate};
 use super::setting::{Runner, Setting};
 use super::whitening::Whitening;
-use crate::effects::{CoulombFriction, GainAsymmetry};
+use crate::effects::{CoulombFriction, GainAsymmetry, SlewLimit};
 use crate::fixture::{Case, NOISE, THETA};
 use crate::noise::Noise;
 use crate::question::Question;
@@ -145,4 +145,18 @@ fn the_score_of_an_effect_under_the_null_is_chi_squared() {
     let mean = sum / count;
     // The mean of twelve has a standard deviation of 0.41.
     assert!((0.2..2.4).contains(&mean), "{mean}");
+}
+
+/// Beside a slow ramp the linear answer is a robot that follows at once, and from there no search finds back.
+#[test]
+fn a_start_makes_no_model_faster_than_can_be_seen() {
+    fitted(&Case::clean(5), |setting, whitening, base| {
+        let ramp = SlewLimit::default();
+        let projection = Projection::new(setting, whitening, base, &[]);
+        let all = responses(&Current::new(setting, &[], base), &[(0, &ramp)]);
+        let at = |(i, response)| projection.start(response, &projection.candidate(i, response, &mut Projected::default()));
+        let starts: Vec<Vec<f64>> = all.iter().enumerate().map(at).collect();
+        assert!(starts.iter().all(|start| setting.may_look(&base.point.x, start)));
+        assert!(starts.iter().any(|start| start[0] < 0.2 * base.point.x[0]), "a ramp was to take the lag's place");
+    });
 }

@@ -104,6 +104,18 @@ fn a_limit_clips_wheels_or_an_axis() {
 }
 
 #[test]
+fn a_wheel_at_its_limit_may_slow_the_other_down() {
+    let m = 0.3;
+    let together = VelocitySaturation { together: true, ..VelocitySaturation::default() };
+    let error = difference(&[&together], &[m], &[], [0.3, 0.2], |s, t, x| {
+        let [l, r] = wheels(held(s, t));
+        let slower = 1.0_f64.min(m / l.abs().max(r.abs()));
+        base(body([l * slower, r * slower]), x)
+    });
+    assert!(error < 5e-5, "{error}");
+}
+
+#[test]
 fn a_soft_limit_bends_more_the_nearer_it_is() {
     for (limit, hardness) in [(0.4, 2.0), (0.3, 6.0)] {
         let soft = VelocitySaturation { soft: true, ..VelocitySaturation::default() };
@@ -148,18 +160,53 @@ fn a_ramp_bounds_the_rate_of_each_axis() {
 
 #[test]
 fn a_ramp_may_act_on_wheels_or_on_one_axis() {
-    let wheel = SlewLimit { wheels: true, axis: None };
+    let wheel = SlewLimit { wheels: true, ..SlewLimit::default() };
     let [l, r] = wheels([0.3, 0.2]);
     let at_wheels = difference(&[&wheel], &[0.7], &[], [0.3, 0.2, l, r], |s, t, x| {
         let ([l, r], a) = (wheels(held(s, t)), base(body([x[2], x[3]]), x));
         [a[0], a[1], ramp(l, x[2], 0.7), ramp(r, x[3], 0.7)]
     });
-    let turning = SlewLimit { wheels: false, axis: Some(Axis::Omega) };
+    let turning = SlewLimit { axis: Some(Axis::Omega), ..SlewLimit::default() };
     let turning = difference(&[&turning], &[1.1], &[], [0.3, 0.2, 0.2], |s, t, x| {
         let (u, a) = (held(s, t), base([held(s, t)[0], x[2]], x));
         [a[0], a[1], ramp(u[1], x[2], 1.1)]
     });
     assert!(at_wheels < 5e-5 && turning < 5e-5, "{at_wheels} {turning}");
+}
+
+#[test]
+fn a_ramp_may_slow_down_at_another_rate() {
+    let pursuit = |goal: f64, at: f64, [up, down]: [f64; 2]| ramp(goal, at, if (goal - at) * at < 0.0 { down } else { up });
+    for [forward, turn, braking, unwinding] in [[0.4, 1.3, 1.1, 0.6], [1.2, 0.8, 0.5, 3.0]] {
+        let axes = SlewLimit { slowing: true, ..SlewLimit::default() };
+        let error = difference(&[&axes], &[forward, turn, braking, unwinding], &[], [0.3, 0.2, 0.3, 0.2], |s, t, x| {
+            let (u, a) = (held(s, t), base([x[2], x[3]], x));
+            [a[0], a[1], pursuit(u[0], x[2], [forward, braking]), pursuit(u[1], x[3], [turn, unwinding])]
+        });
+        let [l, r] = wheels([0.3, 0.2]);
+        let at_wheels = SlewLimit { wheels: true, slowing: true, axis: None };
+        let by_wheel = difference(&[&at_wheels], &[forward, braking], &[], [0.3, 0.2, l, r], |s, t, x| {
+            let ([l, r], a) = (wheels(held(s, t)), base(body([x[2], x[3]]), x));
+            [a[0], a[1], pursuit(l, x[2], [forward, braking]), pursuit(r, x[3], [forward, braking])]
+        });
+        assert!(error < 1e-4 && by_wheel < 1e-4, "{error} {by_wheel}");
+    }
+}
+
+/// A step that is not cut where a ramp turns or ends makes the run jump with the rate, and no search finds the way.
+#[test]
+fn a_run_changes_smoothly_with_the_rates_of_a_ramp() {
+    let rig = rig::body();
+    let wheels = SlewLimit { wheels: true, slowing: true, axis: None };
+    let run = |rates: [f64; 2]| rig.run(&[&wheels], &rates).concat();
+    let at = run([0.6, 1.1]);
+    for j in 0..2 {
+        let slope = |d: f64| {
+            let there = run([0.6 + if j == 0 { d } else { 0.0 }, 1.1 + if j == 1 { d } else { 0.0 }]);
+            there.iter().zip(&at).map(|(there, at)| ((there - at) / d).powi(2)).sum::<f64>().sqrt()
+        };
+        assert!((slope(1e-5) / slope(1e-3) - 1.0).abs() < 2e-3, "{j}: {} {}", slope(1e-5), slope(1e-3));
+    }
 }
 
 #[test]
@@ -177,6 +224,14 @@ fn a_battery_runs_down() {
     let k = 0.006;
     let error = difference(&[&BatterySag::default()], &[k], &[], [0.3, 0.2], |s, t, x| base(held(s, t).map(|u| u * (1.0 - k * t)), x));
     assert!(error < 5e-5, "{error}");
+    for (lost, time) in [(0.12, 2.513), (-0.07, 4.2)] {
+        let dropped = BatterySag { law: SagLaw::Dropped, servo: false };
+        let error = difference(&[&dropped], &[lost, time], &[time], [0.3, 0.2], |s, t, x| {
+            let left = if t < time { 1.0 } else { 1.0 - lost };
+            base(held(s, t).map(|u| u * left), x)
+        });
+        assert!(error < 5e-5, "{error}");
+    }
     let (lost, time) = (0.12, 2.5);
     let settling = BatterySag { law: SagLaw::Settling, servo: false };
     let error = difference(&[&settling], &[lost, time], &[], [0.3, 0.2], |s, t, x| {
@@ -232,7 +287,7 @@ fn effects_of_the_command_side_pass_it_on_in_their_order() {
         &GainAsymmetry::default(),
         &VelocitySaturation::default(),
         &soft,
-        &SlewLimit { wheels: false, axis: Some(Axis::V) },
+        &SlewLimit { axis: Some(Axis::V), ..SlewLimit::default() },
         &CommandDelay::default(),
     ];
     let pass = |forward: f64, turn: f64| {

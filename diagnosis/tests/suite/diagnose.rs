@@ -58,7 +58,7 @@ fn a_second_effect_is_found_behind_a_ramp_on_both_axes() {
     let model = model();
     let mut library = library();
     library.push(Box::new(SlewLimit::default()));
-    library.extend([Axis::V, Axis::Omega].map(|axis| Box::new(SlewLimit { axis: Some(axis), wheels: false }) as Box<dyn Effect>));
+    library.extend([Axis::V, Axis::Omega].map(|axis| Box::new(SlewLimit { axis: Some(axis), ..SlewLimit::default() }) as Box<dyn Effect>));
     library.push(Box::new(LateralComOffset {}));
     let mut question = Question::new(&*model, &training, &library);
     question.track_width = Some(TRACK);
