@@ -55,10 +55,11 @@ fn ramped(from: f64, to: f64, rates: [f64; 2], span: f64) -> f64 {
     let time = (end - from).abs() / rate;
     if time > span {
         from + (rate * span).copysign(end - from)
-    } else if end == to {
-        to
+    } else if end == 0.0 {
+        // On from zero.
+        (rates[0] * (span - time)).min(to.abs()).copysign(to)
     } else {
-        ramped(end, to, rates, span - time)
+        to
     }
 }
 
