@@ -1,7 +1,8 @@
 //! The track width where none is known: where an effect at the wheels has a kink, only the right track puts it where it is.
 //!
-//! All effects are screened beside the base model at the widths of a grid. Between the neighbours of the best width its best effect is
-//! fitted at others, by golden section. A width that explains decisively more than the ordinary one is taken.
+//! All effects are screened beside the base model at the widths of a grid. What promises most somewhere is fitted between the neighbours of
+//! the width at which it does, by golden section: of one that is no matter of the track, such as an offset, all widths say the same, and
+//! that a friction at one wheel does better shows only once it is fitted. A width that explains decisively more than the ordinary one is taken.
 
 use std::f64::consts::SQRT_2;
 
@@ -18,8 +19,12 @@ use crate::select::{Search, State};
 pub(crate) const ORDINARY: f64 = 0.35;
 /// Half octaves by which it is narrowed and widened: to a robot on a desk, to a car.
 const HALF_OCTAVES: [i32; 8] = [-4, -3, -2, -1, 1, 2, 3, 4];
-/// Effects that are screened at other widths than the ordinary one.
+/// The family of dry frictions.
+const DRY: &str = "friction";
+/// Effects that are screened at other widths than the ordinary one, beside dry frictions.
 const CONSIDERED: usize = 12;
+/// Names that are fitted at other widths.
+const FITTED: usize = 3;
 /// Fits between the neighbours of the best: in the end they differ by 4 %.
 const SECTIONS: usize = 7;
 /// The golden section.
@@ -34,26 +39,57 @@ pub(crate) fn likeliest(question: &Question<'_>, start: &Surroundings<'_>, headi
     }
     let state = State { effects: Vec::new(), fit: start.base.clone() };
     let scene = |width: f64| Scene::new(setting.data, question.model, width, question.wheel_radius, headings);
-    // Where nothing is promised at the ordinary width nothing is missing; what promises nothing there is not what tells the width.
+    // Where nothing is promised at the ordinary width nothing is missing.
     let screened_ordinary = start.search.screen(&state, &start.whitening, &start.responses);
     let open = worth_a_look(&start.search, &screened_ordinary);
-    let ordinary = best(&search(start, setting.scene, open.clone()), &screened_ordinary)?;
-    let promised = HALF_OCTAVES.map(|k| ORDINARY * SQRT_2.powi(k)).into_iter().filter_map(|width| {
+    let mut promised = promises(&start.search, ORDINARY, &screened_ordinary);
+    if promised.is_empty() {
+        return None;
+    }
+    for width in HALF_OCTAVES.map(|k| ORDINARY * SQRT_2.powi(k)) {
         let scene = scene(width);
         let search = search(start, &scene, open.clone());
-        let (effect, value) = best(&search, &screened(start, &search, &state).1)?;
-        Some((width, effect, value))
-    });
-    let (width, effect, _) = promised.fold((ORDINARY, ordinary.0, ordinary.1), |a, b| if b.2 > a.2 { b } else { a });
-    let evidence = |width: f64| {
+        promised.extend(promises(&search, width, &screened(start, &search, &state).1));
+    }
+    promised.sort_by(|a, b| b.value.total_cmp(&a.value));
+    let evidence = |effect: usize, width: f64| {
         let scene = scene(width);
         let search = search(start, &scene, vec![effect]);
         let (responses, screened) = screened(start, &search, &state);
         let refined = search.refine(&state, &start.whitening, &screened, &responses, &Field::open(0.0));
         refined.first().map_or(f64::NEG_INFINITY, |best| best.score)
     };
-    let (width, most) = highest(&|log: f64| evidence(log.exp()), (width / SQRT_2).ln(), (width * SQRT_2).ln());
-    (most > evidence(ORDINARY) + DECISIVE).then_some(width.exp())
+    let (mut ordinary, mut best, mut named) = (f64::NEG_INFINITY, (ORDINARY, f64::NEG_INFINITY), Vec::new());
+    for Promise { effect, width, .. } in promised {
+        let name = start.search.effect(effect).name();
+        if named.contains(&name) {
+            continue;
+        }
+        named.push(name);
+        ordinary = evidence(effect, ORDINARY).max(ordinary);
+        let (width, most) = highest(&|log: f64| evidence(effect, log.exp()), (width / SQRT_2).ln(), (width * SQRT_2).ln());
+        if most > best.1 {
+            best = (width.exp(), most);
+        }
+        if named.len() == FITTED {
+            break;
+        }
+    }
+    (best.1 > ordinary + DECISIVE).then_some(best.0)
+}
+
+/// What an effect promises at a width, less what it costs.
+#[derive(Debug, Clone, Copy)]
+struct Promise {
+    effect: usize,
+    width: f64,
+    value: f64,
+}
+
+/// The effects that promise more than they cost.
+fn promises(search: &Search<'_>, width: f64, screened: &[Vec<Candidate>]) -> Vec<Promise> {
+    let all = screened.iter().map(|c| Promise { effect: c[0].effect, width, value: promise(search, c) });
+    all.filter(|p| p.value > 0.0).collect()
 }
 
 /// The same search in another scene, over some of the effects.
@@ -73,16 +109,14 @@ fn promise(search: &Search<'_>, candidates: &[Candidate]) -> f64 {
     candidates[0].gain - search.penalty(candidates[0].freedom as f64)
 }
 
-/// The effects that promise more than they cost, those that promise most first.
+/// The effects that promise more than they cost, those that promise most first, and all dry frictions: of these none may promise anything
+/// where their wheels' standstill is put elsewhere than it is.
 fn worth_a_look(search: &Search<'_>, screened: &[Vec<Candidate>]) -> Vec<usize> {
-    screened.iter().filter(|c| promise(search, c) > 0.0).take(CONSIDERED).map(|c| c[0].effect).collect()
-}
-
-/// The effect that promises most, and what, if it is more than it costs.
-fn best(search: &Search<'_>, screened: &[Vec<Candidate>]) -> Option<(usize, f64)> {
-    let first = screened.first()?;
-    let value = promise(search, first);
-    (value > 0.0).then_some((first[0].effect, value))
+    let mut all: Vec<usize> = screened.iter().filter(|c| promise(search, c) > 0.0).take(CONSIDERED).map(|c| c[0].effect).collect();
+    let dry = |i: &usize| search.effect(*i).family() == DRY;
+    let others: Vec<usize> = search.open.iter().copied().filter(dry).filter(|i| !all.contains(i)).collect();
+    all.extend(others);
+    all
 }
 
 /// Where a function of one hump is highest, and how high.

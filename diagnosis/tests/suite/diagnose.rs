@@ -4,11 +4,12 @@
 use wheelwright_core::Dataset;
 use wheelwright_core::effect::Effect;
 use wheelwright_diagnosis::effects::{
-    Axis, CommandDelay, CommandOffset, CoulombFriction, EncoderQuantisation, LateralComOffset, PayloadChange, QuadraticDrag, Ripple,
-    SlewLimit, StribeckFriction, Wheel, WheelEccentricity,
+    Axis, CommandDelay, CommandOffset, CoulombFriction, CoulombFrictionOneWheel, EncoderQuantisation, LateralComOffset, PayloadChange,
+    QuadraticDrag, Ripple, SlewLimit, StribeckFriction, Wheel, WheelEccentricity,
 };
 use wheelwright_diagnosis::{Diagnosis, DiagnosisError, Question, Verdict, diagnose};
 
+use crate::drive::{Drive, blur};
 use crate::recorded::{Hidden, NOISE, THETA, TRACK, ask, averaged, library, model, names, noise_of, record, record_on, record_with};
 
 #[test]
@@ -180,6 +181,22 @@ fn a_track_that_nobody_gave_is_found_by_what_acts_at_the_wheels() {
     let plain = record(82, 1200, true, &[], 0.0);
     let diagnosis = diagnose(&Question::new(&*model, &plain, &library)).unwrap();
     assert!(diagnosis.warnings.iter().any(|w| w.contains("computed with 0.35 m;")), "{:?}", diagnosis.warnings);
+}
+
+/// At a track four times as wide as the robot's, friction of one wheel is nearly no friction of one wheel.
+#[test]
+fn a_narrow_track_is_found_by_a_friction_of_one_wheel() {
+    let friction = CoulombFrictionOneWheel { wheel: Wheel::Left };
+    let drive = Drive { samples: 1600, change: 0.06, forward: 0.02..0.2, turning: -4.0..4.0, seed: 83 };
+    let (model, mut library) = (model(), library());
+    let (mut training, mut random) = drive.driven(&*model, &THETA, 0.09, &friction, &[0.01, 1.0]);
+    blur(&mut training, [0.002, 0.04], &mut random);
+    library.extend([Wheel::Left, Wheel::Right].map(|wheel| Box::new(CoulombFrictionOneWheel { wheel }) as Box<dyn Effect>));
+    let diagnosis = diagnose(&Question::new(&*model, &training, &library)).unwrap();
+    assert_eq!(names(&diagnosis), ["coulomb_friction_one_wheel"], "{}", diagnosis.headline);
+    let said = diagnosis.warnings.iter().find(|w| w.contains("track width is unknown")).unwrap();
+    let width: f64 = said.split(" m, which fits them best").next().unwrap().rsplit(' ').next().unwrap().parse().unwrap();
+    assert!((width / 0.09 - 1.0).abs() < 0.06, "{said}");
 }
 
 #[test]
