@@ -340,8 +340,8 @@ impl<'s, 'a> Projection<'s, 'a> {
             if let Ok(step) = constrained_step(&factor, Some(&held), &DVector::from_column_slice(x), &self.limits) {
                 // What is linear may ask for a robot that follows at once: as far towards it as can be looked at.
                 let by = |share: f64| x.iter().zip(step.iter()).map(|(x, s)| x + share * s).collect::<Vec<f64>>();
-                let there = SHARES.into_iter().map(by).find(|there| self.setting.may_look(x, there));
-                moved = there.unwrap_or(moved);
+                let fastest = self.setting.fastest(x);
+                moved = SHARES.into_iter().map(by).find(|there| self.setting.rate(there) <= fastest).unwrap_or(moved);
             }
         }
         moved.extend_from_slice(values);

@@ -41,8 +41,8 @@ pub(crate) fn likeliest(question: &Question<'_>, start: &Surroundings<'_>, headi
     let scene = |width: f64| Scene::new(setting.data, question.model, width, question.wheel_radius, headings);
     // Where nothing is promised at the ordinary width nothing is missing.
     let screened_ordinary = start.search.screen(&state, &start.whitening, &start.responses);
-    let open = worth_a_look(&start.search, &screened_ordinary);
     let mut promised = promises(&start.search, ORDINARY, &screened_ordinary);
+    let open = worth_a_look(&start.search, &promised);
     if promised.is_empty() {
         return None;
     }
@@ -59,20 +59,19 @@ pub(crate) fn likeliest(question: &Question<'_>, start: &Surroundings<'_>, headi
         let refined = search.refine(&state, &start.whitening, &screened, &responses, &Field::open(0.0));
         refined.first().map_or(f64::NEG_INFINITY, |best| best.score)
     };
-    let (mut ordinary, mut best, mut named) = (f64::NEG_INFINITY, (ORDINARY, f64::NEG_INFINITY), Vec::new());
-    for Promise { effect, width, .. } in promised {
-        let name = start.search.effect(effect).name();
-        if named.contains(&name) {
-            continue;
-        }
+    let mut named = Vec::new();
+    promised.retain(|p| {
+        let name = start.search.effect(p.effect).name();
+        let new = !named.contains(&name);
         named.push(name);
+        new
+    });
+    let (mut ordinary, mut best) = (f64::NEG_INFINITY, (ORDINARY, f64::NEG_INFINITY));
+    for Promise { effect, width, .. } in promised.into_iter().take(FITTED) {
         ordinary = evidence(effect, ORDINARY).max(ordinary);
-        let (width, most) = highest(&|log: f64| evidence(effect, log.exp()), (width / SQRT_2).ln(), (width * SQRT_2).ln());
+        let (log, most) = highest(&|log: f64| evidence(effect, log.exp()), (width / SQRT_2).ln(), (width * SQRT_2).ln());
         if most > best.1 {
-            best = (width.exp(), most);
-        }
-        if named.len() == FITTED {
-            break;
+            best = (log.exp(), most);
         }
     }
     (best.1 > ordinary + DECISIVE).then_some(best.0)
@@ -86,9 +85,10 @@ struct Promise {
     value: f64,
 }
 
-/// The effects that promise more than they cost.
+/// The effects that promise more than they cost, those that promise most first.
 fn promises(search: &Search<'_>, width: f64, screened: &[Vec<Candidate>]) -> Vec<Promise> {
-    let all = screened.iter().map(|c| Promise { effect: c[0].effect, width, value: promise(search, c) });
+    let value = |c: &Candidate| c.gain - search.penalty(c.freedom as f64);
+    let all = screened.iter().map(|c| Promise { effect: c[0].effect, width, value: value(&c[0]) });
     all.filter(|p| p.value > 0.0).collect()
 }
 
@@ -104,15 +104,10 @@ fn screened(start: &Surroundings<'_>, search: &Search<'_>, state: &State) -> (Ve
     (responses, screened)
 }
 
-/// What an effect promises at its best start, less what it costs.
-fn promise(search: &Search<'_>, candidates: &[Candidate]) -> f64 {
-    candidates[0].gain - search.penalty(candidates[0].freedom as f64)
-}
-
-/// The effects that promise more than they cost, those that promise most first, and all dry frictions: of these none may promise anything
-/// where their wheels' standstill is put elsewhere than it is.
-fn worth_a_look(search: &Search<'_>, screened: &[Vec<Candidate>]) -> Vec<usize> {
-    let mut all: Vec<usize> = screened.iter().filter(|c| promise(search, c) > 0.0).take(CONSIDERED).map(|c| c[0].effect).collect();
+/// The effects that promise most, and all dry frictions: of these none may promise anything where their wheels' standstill is
+/// put elsewhere than it is.
+fn worth_a_look(search: &Search<'_>, promised: &[Promise]) -> Vec<usize> {
+    let mut all: Vec<usize> = promised.iter().take(CONSIDERED).map(|p| p.effect).collect();
     let dry = |i: &usize| search.effect(*i).family() == DRY;
     let others: Vec<usize> = search.open.iter().copied().filter(dry).filter(|i| !all.contains(i)).collect();
     all.extend(others);

@@ -16,7 +16,7 @@ use wheelwright_core::Effect;
 use wheelwright_core::effect::{Confusion, EffectParameter, Estimate, Frame, Instant, Motion, Scene, Stage, Start};
 
 use super::force;
-use super::moments;
+use super::moments::{self, duration};
 use super::words::{digits, quantity, scaled};
 
 /// How a supply weakens.
@@ -61,13 +61,8 @@ impl BatterySag {
         let since = at.time - at.scene.scales.time.0;
         match self.law {
             SagLaw::Settling => -p[0] * (-since / p[1]).exp_m1(),
-            SagLaw::Dropped => {
-                if moments::passed(p[1], at) {
-                    p[0]
-                } else {
-                    0.0
-                }
-            }
+            SagLaw::Dropped if moments::passed(p[1], at) => p[0],
+            SagLaw::Dropped => 0.0,
             SagLaw::Steady | SagLaw::Loaded => (p[0] * since).min(1.0),
         }
     }
@@ -84,11 +79,6 @@ fn power(at: &Instant<'_>, motion: &Motion<'_>, drive: &[f64]) -> f64 {
     let asked = frame.wheels(motion.u);
     let against = if matches!(frame, Frame::Body { .. }) { force::loop_errors(&frame, motion) } else { frame.wheels(drive) };
     0.5 * (asked[0] * against[0] + asked[1] * against[1]) / at.scene.scales.command.powi(2)
-}
-
-/// Seconds from the first to the last sample.
-fn duration(scene: &Scene) -> f64 {
-    scene.scales.time.1 - scene.scales.time.0
 }
 
 #[typetag::serde(name = "battery_sag")]
@@ -163,14 +153,16 @@ impl Effect for BatterySag {
         if self.law != SagLaw::Dropped {
             return Vec::new();
         }
-        moments::nearby(scene).map(|off| vec![values[0], values[1] + off]).filter(|v| moments::within(v[1], scene)).collect()
+        let (earliest, latest) = moments::parameter(scene).bounds;
+        moments::nearby(scene).map(|off| vec![values[0], values[1] + off]).filter(|v| (earliest..=latest).contains(&v[1])).collect()
     }
 
     fn statement(&self, values: &[Estimate], scene: &Scene) -> String {
         let what = if self.servo { "the speed loops" } else { "commands" };
+        let verb = |k: Estimate| if k.value < 0.0 { "gain" } else { "lose" };
+        let percent = |k: Estimate, times: f64| quantity(scaled(k, |x| 100.0 * times * x * k.value.signum()), "%");
         let steady = |k: Estimate| {
-            let verb = if k.value < 0.0 { "gain" } else { "lose" };
-            let a_minute = quantity(scaled(k, |x| 6000.0 * x * k.value.signum()), "%");
+            let (verb, a_minute) = (verb(k), percent(k, 60.0));
             let total = digits(100.0 * (k.value * duration(scene)).abs());
             format!("{verb} {a_minute} of their effect a minute, {total} % over the recording")
         };
@@ -182,13 +174,8 @@ impl Effect for BatterySag {
                 format!("{what} lose {} of their effect, quickly first, most of it within {time}", lost())
             }
             SagLaw::Dropped => {
-                let verb = if values[0].value < 0.0 { "gain" } else { "lose" };
-                let share = quantity(scaled(values[0], |x| 100.0 * x * values[0].value.signum()), "%");
-                format!(
-                    "{what} {verb} {share} of their effect at {}, {} into the recording",
-                    moments::when(values[1]),
-                    moments::into(values[1], scene)
-                )
+                let (verb, share, when) = (verb(values[0]), percent(values[0], 1.0), moments::when(values[1]));
+                format!("{what} {verb} {share} of their effect at {when}, {} into the recording", moments::into(values[1], scene))
             }
             SagLaw::Loaded => format!(
                 "the supply gives way under load: {what} lose {} of their effect where a typical command meets wheels that stand, and {}",

@@ -11,31 +11,29 @@ const NEARBY: [f64; 9] = [0.001, 0.002, 0.004, 0.008, 0.015, 0.022, 0.03, 0.045,
 /// Share of the recording at either end in which no change is told.
 const MARGIN: f64 = 0.02;
 
+/// Seconds from the first to the last sample.
+pub(super) fn duration(scene: &Scene) -> f64 {
+    scene.scales.time.1 - scene.scales.time.0
+}
+
 /// A time some share into the recording.
 pub(super) fn at(share: f64, scene: &Scene) -> f64 {
-    let (first, last) = scene.scales.time;
-    first + share * (last - first)
+    scene.scales.time.0 + share * duration(scene)
 }
 
 /// The share of the recording before a time.
 pub(super) fn into(time: Estimate, scene: &Scene) -> String {
-    let (first, last) = scene.scales.time;
-    percent((time.value - first) / (last - first))
+    percent((time.value - scene.scales.time.0) / duration(scene))
 }
 
 /// The time of a change. A change at either end is none: what it changes has to be seen before and after.
 pub(super) fn parameter(scene: &Scene) -> EffectParameter {
-    EffectParameter::new("time_s", "s", (at(MARGIN, scene), at(1.0 - MARGIN, scene)), MARGIN * (scene.scales.time.1 - scene.scales.time.0))
-}
-
-/// Whether a change may be told at a time.
-pub(super) fn within(time: f64, scene: &Scene) -> bool {
-    (at(MARGIN, scene)..=at(1.0 - MARGIN, scene)).contains(&time)
+    EffectParameter::new("time_s", "s", (at(MARGIN, scene), at(1.0 - MARGIN, scene)), MARGIN * duration(scene))
 }
 
 /// How far from a fitted time others are worth a look \[s\].
 pub(super) fn nearby(scene: &Scene) -> impl Iterator<Item = f64> + Clone + use<> {
-    let whole = scene.scales.time.1 - scene.scales.time.0;
+    let whole = duration(scene);
     NEARBY.into_iter().flat_map(move |share| [-share * whole, share * whole])
 }
 

@@ -176,7 +176,7 @@ pub(crate) fn maximise(
     if unknowns == 0 {
         return fit;
     }
-    let begun = fit.point.x.clone();
+    let fastest = setting.fastest(&fit.point.x);
     let mut fresh = fit.columns.len() < unknowns || fit.columns.iter().any(Vec::is_empty);
     if fresh {
         linearise(runner, whitening, &mut fit, 0..unknowns);
@@ -201,7 +201,7 @@ pub(crate) fn maximise(
         let mut trial = fit.point.clone();
         trial.x.iter_mut().zip(step.iter()).for_each(|(x, s)| *x += s);
         clamp(&mut trial, setting.free(), runner);
-        let reached = if setting.may_look(&begun, &trial.x) { evaluate(setting, runner, whitening, &trial) } else { None };
+        let reached = if setting.rate(&trial.x) > fastest { None } else { evaluate(setting, runner, whitening, &trial) };
         let gain = reached.as_ref().map_or(f64::NEG_INFINITY, |r| r.likelihood(setting) - fit.likelihood(setting));
         match reached {
             Some(mut next) if gain > 0.0 => {

@@ -76,7 +76,7 @@ impl<'a> Setting<'a> {
     }
 
     /// Fastest rate at which an output of the model at these unknowns follows, per sampling interval.
-    fn rate(&self, x: &[f64]) -> f64 {
+    pub(crate) fn rate(&self, x: &[f64]) -> f64 {
         let n = self.layout.outputs();
         let theta = self.map.theta(&x[..self.free()]);
         let mut linear = vec![0.0; n * n];
@@ -86,9 +86,9 @@ impl<'a> Setting<'a> {
         }
     }
 
-    /// Whether a search that goes on from one point may look at another.
-    pub(crate) fn may_look(&self, from: &[f64], there: &[f64]) -> bool {
-        self.rate(there) <= self.rate(from).max(TOO_FAST)
+    /// Fastest rate that a search may look at that goes on from a point.
+    pub(crate) fn fastest(&self, from: &[f64]) -> f64 {
+        self.rate(from).max(TOO_FAST)
     }
 
     /// Steps of the free parameters about a point, from the plausible sizes of θ.
