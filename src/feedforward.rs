@@ -105,10 +105,15 @@ impl Term {
 /// Whether an effect is a function of the motion and the command alone, so that a table can meet it.
 fn in_table(effect: &dyn Effect, scene: &Scene) -> bool {
     match effect.stage() {
-        Stage::Load => effect.states(scene) == 0,
+        _ if loads(effect) => effect.states(scene) == 0,
         Stage::Threshold | Stage::Gain => true,
         _ => false,
     }
+}
+
+/// Whether an effect uses up input.
+fn loads(effect: &dyn Effect) -> bool {
+    matches!(effect.stage(), Stage::Bearing | Stage::Load)
 }
 
 fn note(loaded: &LoadedEffect, scene: &Scene) -> Note {
@@ -176,14 +181,14 @@ impl<'a> Bench<'a> {
         };
         let steady = steady_input(model, theta, x)?;
         let mut load = vec![0.0; self.inputs];
-        for l in effects.iter().filter(|l| l.effect.stage() == Stage::Load) {
+        for l in effects.iter().filter(|l| loads(&*l.effect)) {
             l.effect.load(&l.values, &at, x, &[], &mut load);
         }
         let wanted: Vec<f64> = steady.iter().zip(&load).map(|(u, l)| u + l).collect();
         let mut sent = wanted.clone();
         for _ in 0..ITERATIONS {
             let mut arrives = sent.clone();
-            for l in effects.iter().filter(|l| l.effect.stage() != Stage::Load) {
+            for l in effects.iter().filter(|l| !loads(&*l.effect)) {
                 let mut state = vec![0.0; l.effect.states(self.scene)];
                 l.effect.begin(&l.values, &at, &arrives, x, &mut state);
                 l.effect.command(&l.values, &at, x, &mut state, &mut arrives);

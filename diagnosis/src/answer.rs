@@ -411,7 +411,7 @@ pub(crate) fn always(a: &dyn Effect, b: &dyn Effect) -> Option<&'static Confusio
 /// How much worse a rival may be in penalised evidence for these data to leave it so open: two frictions turn over near standstill each in its own
 /// way, and no model of them is exact there.
 pub(crate) fn reach(least: f64, found: &dyn Effect, rival: &dyn Effect, worth: f64) -> f64 {
-    let frictions = found.stage() == Stage::Load && found.family() == rival.family();
+    let frictions = found.stage() == Stage::Bearing && found.family() == rival.family();
     if always(found, rival).is_some() || frictions { least.max(SHARE * worth) } else { least }
 }
 

@@ -30,7 +30,7 @@ extern "C" {
 #endif
 
 /* Raised with every change of a structure or a rule; a host loads exactly its own version. */
-#define WW_ABI_VERSION 4u
+#define WW_ABI_VERSION 5u
 
 #if defined(_WIN32)
 #define WW_EXPORT __declspec(dllexport)
@@ -149,10 +149,13 @@ enum {
     WW_GAIN = 4,      /* command: gains */
     WW_FILTER = 5,    /* command: filters */
     WW_LOOP = 6,      /* command: an outer loop that compares with the outputs */
-    WW_LOAD = 7,      /* dynamics: input used up by a force */
-    WW_DRIVE = 8,     /* dynamics: what is left to accelerate */
-    WW_READING = 9,   /* measurement: when the outputs are looked at */
-    WW_SENSOR = 10    /* measurement: what is recorded of them */
+    WW_BEARING = 7,   /* dynamics: input used up at the wheels, before anything reaches the ground */
+    WW_LOAD = 8,      /* dynamics: input used up by a force on the robot */
+    WW_DRIVE = 9,     /* dynamics: what the motors have left to accelerate */
+    WW_CONTACT = 10,  /* dynamics: what the ground carries of it */
+    WW_INERTIA = 11,  /* dynamics: what it accelerates */
+    WW_READING = 12,  /* measurement: when the outputs are looked at */
+    WW_SENSOR = 13    /* measurement: what is recorded of them */
 };
 
 /* How a model's channels are motion. */
@@ -257,6 +260,7 @@ typedef struct ww_motion {
     const double *outputs;
     const double *inertia;
     const double *drag;
+    const double *held; /* what the ground gives besides what accelerates the robot */
 } ww_motion;
 
 /* A value with its 95 % interval; NAN where there is none. */
@@ -288,12 +292,12 @@ typedef struct ww_effect {
     double (*next_switch)(const void *prepared, const double *p, const ww_instant *at, const double *state);
     /* Command stages: lets `span` pass and changes u from what arrived to what goes on. A span of 0 follows each switch. */
     void (*command)(const void *prepared, const double *p, const ww_instant *at, const double *outputs, double *state, double *u);
-    /* WW_LOAD: adds the input that is used up. */
+    /* WW_BEARING and WW_LOAD: adds the input that is used up. */
     void (*load)(const void *prepared, const double *p, const ww_instant *at, const double *outputs, const double *state, double *load);
-    /* WW_DRIVE: changes the input that is left for acceleration. */
+    /* WW_DRIVE, WW_CONTACT and WW_INERTIA: changes the input that is left for acceleration. */
     void (*drive)(const void *prepared, const double *p, const ww_instant *at, const ww_motion *motion, const double *state,
                   double *drive);
-    /* WW_LOAD and WW_DRIVE with state: lets `span` pass. */
+    /* WW_BEARING to WW_INERTIA with state: lets `span` pass. */
     void (*advance)(const void *prepared, const double *p, const ww_instant *at, const ww_motion *motion, const double *drive,
                     double *state);
     /* WW_READING and WW_SENSOR: changes the outputs that are recorded at a sample. */
@@ -466,7 +470,7 @@ WW_LAYOUT(sizeof(ww_effect_info) == 40 && offsetof(ww_effect_info, stage) == 32)
 WW_LAYOUT(sizeof(ww_scene) == 128 && offsetof(ww_scene, n_inputs) == 40 && offsetof(ww_scene, frame) == 120);
 WW_LAYOUT(sizeof(ww_effect_parameter) == 64 && offsetof(ww_effect_parameter, neutral) == 56);
 WW_LAYOUT(sizeof(ww_start) == 24 && sizeof(ww_prepared_info) == 48 && offsetof(ww_prepared_info, n_states) == 40);
-WW_LAYOUT(sizeof(ww_motion) == 32 && offsetof(ww_motion, drag) == 24);
+WW_LAYOUT(sizeof(ww_motion) == 40 && offsetof(ww_motion, held) == 32);
 WW_LAYOUT(sizeof(ww_stretch) == 56 && sizeof(ww_instant) == 40 && offsetof(ww_instant, stretch) == 24);
 WW_LAYOUT(sizeof(ww_estimate) == 24 && sizeof(ww_effect) == 128 && offsetof(ww_effect, command) == 72 &&
           offsetof(ww_effect, close) == 120);

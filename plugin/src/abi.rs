@@ -7,7 +7,7 @@ use std::ffi::{c_char, c_void};
 use std::mem::{offset_of, size_of};
 
 /// Version of the interface; a library of another version is refused.
-pub const ABI_VERSION: u32 = 4;
+pub const ABI_VERSION: u32 = 5;
 
 /// Name of the one exported symbol.
 pub const SYMBOL: &str = "wheelwright_plugin";
@@ -378,6 +378,8 @@ pub struct Motion {
     pub inertia: *const f64,
     /// Inputs for a unit of each output, row-major, inputs × outputs.
     pub drag: *const f64,
+    /// Inputs that the ground has to give besides those that accelerate the robot, one for each input.
+    pub held: *const f64,
 }
 
 /// A value with its interval.
@@ -608,7 +610,7 @@ const _: () = {
     assert!(size_of::<Scene>() == 128 && offset_of!(Scene, n_inputs) == 40 && offset_of!(Scene, frame) == 120);
     assert!(size_of::<EffectParameter>() == 64 && offset_of!(EffectParameter, neutral) == 56);
     assert!(size_of::<Start>() == 24 && size_of::<PreparedInfo>() == 48 && offset_of!(PreparedInfo, n_states) == 40);
-    assert!(size_of::<Motion>() == 32 && offset_of!(Motion, drag) == 24);
+    assert!(size_of::<Motion>() == 40 && offset_of!(Motion, held) == 32);
     assert!(size_of::<Stretch>() == 56 && size_of::<Instant>() == 40 && offset_of!(Instant, stretch) == 24);
     assert!(size_of::<Estimate>() == 24 && size_of::<Effect>() == 128 && offset_of!(Effect, command) == 72);
     assert!(offset_of!(Effect, close) == 120);

@@ -40,10 +40,16 @@ pub enum Stage {
     Filter,
     /// Command: added by an outer loop that compares with the outputs.
     Loop,
-    /// Dynamics: input used up by a force the model lacks.
+    /// Dynamics: input used up at the wheels, by their bearings and motors, before anything reaches the ground.
+    Bearing,
+    /// Dynamics: input used up by a force on the robot that the model lacks.
     Load,
-    /// Dynamics: what is left to accelerate, and what it accelerates.
+    /// Dynamics: what the motors have left to accelerate.
     Drive,
+    /// Dynamics: what the ground carries of it.
+    Contact,
+    /// Dynamics: what it accelerates.
+    Inertia,
     /// Measurement: when the outputs are looked at.
     Reading,
     /// Measurement: what is recorded of them.
@@ -66,7 +72,7 @@ impl Stage {
     /// The place this stage belongs to.
     pub fn place(self) -> Place {
         match self {
-            Self::Load | Self::Drive => Place::Dynamics,
+            Self::Bearing | Self::Load | Self::Drive | Self::Contact | Self::Inertia => Place::Dynamics,
             Self::Reading | Self::Sensor => Place::Measurement,
             _ => Place::Command,
         }
@@ -161,7 +167,7 @@ pub struct Confusion {
     pub because: &'static str,
 }
 
-/// What a drive effect sees of the motion. Without drive effects nobody asks for `inertia` and `drag`: they are zero then.
+/// What a drive effect sees of the motion. Without drive effects nobody asks for `inertia`, `drag` and `held`: they are zero then.
 #[derive(Debug, Clone, Copy)]
 pub struct Motion<'a> {
     /// The command behind the command effects.
@@ -172,6 +178,9 @@ pub struct Motion<'a> {
     pub inertia: &'a [f64],
     /// Inputs that one unit of each output takes to be held, by the linear part of the model, row-major, inputs × outputs.
     pub drag: &'a [f64],
+    /// Inputs that the ground has to give besides those that accelerate the robot: the part of the model that is not linear, and the loads on
+    /// the robot itself.
+    pub held: &'a [f64],
 }
 
 /// Physics that a model leaves out. Plain data with its settings, picked by `type = "NAME"`, as a solver is.

@@ -34,7 +34,7 @@ impl Effect for CoulombFriction {
     }
 
     fn stage(&self) -> Stage {
-        Stage::Load
+        Stage::Bearing
     }
 
     fn family(&self) -> &str {

@@ -30,7 +30,7 @@ impl Effect for CoulombFrictionOneWheel {
     }
 
     fn stage(&self) -> Stage {
-        Stage::Load
+        Stage::Bearing
     }
 
     fn family(&self) -> &str {

@@ -23,7 +23,7 @@ impl Effect for DirectionAsymmetry {
     }
 
     fn stage(&self) -> Stage {
-        Stage::Load
+        Stage::Bearing
     }
 
     fn family(&self) -> &str {

@@ -30,7 +30,7 @@ impl Effect for LateralComOffset {
     }
 
     fn stage(&self) -> Stage {
-        Stage::Drive
+        Stage::Inertia
     }
 
     fn inapplicable(&self, scene: &Scene) -> Option<String> {

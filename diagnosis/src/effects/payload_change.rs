@@ -56,7 +56,7 @@ impl Effect for PayloadChange {
     }
 
     fn stage(&self) -> Stage {
-        Stage::Drive
+        Stage::Inertia
     }
 
     fn inapplicable(&self, scene: &Scene) -> Option<String> {

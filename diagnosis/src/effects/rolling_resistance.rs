@@ -28,7 +28,7 @@ impl Effect for RollingResistance {
     }
 
     fn stage(&self) -> Stage {
-        Stage::Load
+        Stage::Bearing
     }
 
     fn family(&self) -> &str {

@@ -32,7 +32,7 @@ impl Effect for StribeckFriction {
     }
 
     fn stage(&self) -> Stage {
-        Stage::Load
+        Stage::Bearing
     }
 
     fn family(&self) -> &str {

@@ -67,7 +67,7 @@ impl Effect for TurningScrub {
         match self.law {
             ScrubLaw::Patch => vec![
                 strength("moment", if sides { "V/m" } else { "rad/s" }, command / h),
-                EffectParameter::new("length", "m", (0.1 * h, 30.0 * h), 0.3 * h),
+                EffectParameter::new("length", "m", (0.1 * h, 1000.0 * h), 0.3 * h),
             ],
             ScrubLaw::Understeer => vec![strength("understeer", if sides { "V s3/m3" } else { "s2/m2" }, command / speed.powi(3))],
         }

@@ -45,7 +45,7 @@ impl Effect for ViscousAsymmetry {
     }
 
     fn stage(&self) -> Stage {
-        Stage::Load
+        Stage::Bearing
     }
 
     fn inapplicable(&self, scene: &Scene) -> Option<String> {

@@ -132,11 +132,14 @@ impl Effect for WheelRadiusMismatch {
         match self.speeds {
             Speeds::Reading => {}
             Speeds::Ground => {
-                let pushes = frame.body(drive);
-                let used = frame.body(&[motion.u[0] - drive[0], motion.u[1] - drive[1]]);
+                // What the wheels pass on, and what their loops and bearings used up before.
+                let passed = [0, 1].map(|i| drive[i] + motion.held[i]);
+                let used = frame.body(&[0, 1].map(|i| motion.u[i] - passed[i]));
+                let passed = frame.body(&passed);
                 let seen = [half * h * used[1], half / h * used[0]];
-                let taken = [half * h / ratio * pushes[1], half * ratio / h * pushes[0]];
-                drive.copy_from_slice(&frame.from_body([0, 1].map(|i| pushes[i] + seen[i] - taken[i])));
+                let taken = [half * h / ratio * passed[1], half * ratio / h * passed[0]];
+                let changed = frame.from_body([0, 1].map(|i| seen[i] - taken[i]));
+                drive.iter_mut().zip(changed).for_each(|(drive, change)| *drive += change);
             }
             Speeds::Encoders => {
                 let [th1, th2] = force::inertia(frame, motion);

@@ -2,9 +2,10 @@
 //!
 //! A tyre carries a force by its slip: the speed by which the rim runs ahead of the hub or behind it, over the faster of the two (Pacejka,
 //! Tyre and Vehicle Dynamics, section 1.2). The wheel's loop sees the wheel: of its push a, in units of the command, it withdraws what the
-//! rim runs ahead, so that a − σ is carried, σ that speed.
+//! rim runs ahead, so that a − σ is carried, σ that speed. The push is what loop, motor and bearing leave; what is carried has to hold the
+//! robot against what pulls at it (a slope, a drag, what turning does to a centre of mass off the axle) and accelerates it with the rest.
 //!
-//! `creep`: the slip is λ times what is carried. Where the robot is fast, a/(1 + λ|s|) arrives, s the ground speed: the time that the
+//! `creep`: the slip is λ times what is carried. Where the robot is fast, a/(1 + λ|s|) is carried, s the ground speed: the time that the
 //! robot takes to follow its wheels grows with speed. From rest not more than 1/λ is carried: a wheel that turns in its place slips wholly.
 //!
 //! `grip`: the ground holds no more than an acceleration a_max of the robot's mass; a push beyond that spins the wheel. On the way there
@@ -83,7 +84,7 @@ impl Effect for WheelSlip {
     }
 
     fn stage(&self) -> Stage {
-        Stage::Drive
+        Stage::Contact
     }
 
     fn inapplicable(&self, scene: &Scene) -> Option<String> {
@@ -183,8 +184,9 @@ impl Effect for WheelSlip {
             return;
         }
         let (from, span) = if first { (AHEAD, state[STEP]) } else { (BEFORE, 2.0 * at.span) };
-        let (pushes, grounds) = (pushes(&loops, drive, state, from), self.grounds(p, &loops, frame, motion));
-        let arriving = [0, 1].map(|i| grounds[i].after(state[EACH * i + from], pushes[i], speeds[i], span).1);
+        let held = loops.at_wheels(motion.held);
+        let (pushes, grounds) = (pushes(&loops, drive, held, state, from), self.grounds(p, &loops, frame, motion));
+        let arriving = [0, 1].map(|i| grounds[i].after(state[EACH * i + from], pushes[i], speeds[i], span).1 - held[i]);
         drive.copy_from_slice(&loops.of_wheels(arriving));
     }
 
@@ -200,7 +202,8 @@ impl Effect for WheelSlip {
             }
         } else {
             // The whole step at the push and at the speed of its middle: of second order, as the motion is.
-            let (pushes, grounds) = (pushes(&loops, drive, state, BEFORE), self.grounds(p, &loops, frame, motion));
+            let held = loops.at_wheels(motion.held);
+            let (pushes, grounds) = (pushes(&loops, drive, held, state, BEFORE), self.grounds(p, &loops, frame, motion));
             for (i, own) in state[..MIDDLE].chunks_exact_mut(EACH).enumerate() {
                 own[AHEAD] = grounds[i].after(own[BEFORE], pushes[i], own[HUB], 2.0 * at.span).0;
             }
@@ -225,10 +228,10 @@ impl WheelSlip {
     }
 }
 
-/// What drives each wheel: the push less what its loop withdraws because the other one runs ahead.
-fn pushes(loops: &Loops, drive: &[f64], state: &[f64], from: usize) -> [f64; 2] {
+/// What drives each wheel: what its loop gives less what it withdraws because the other one runs ahead.
+fn pushes(loops: &Loops, drive: &[f64], held: [f64; 2], state: &[f64], from: usize) -> [f64; 2] {
     let pushes = loops.at_wheels(drive);
-    [0, 1].map(|i| pushes[i] - loops.cross[i] * state[EACH * (1 - i) + from])
+    [0, 1].map(|i| pushes[i] + held[i] - loops.cross[i] * state[EACH * (1 - i) + from])
 }
 
 /// What a wheel stands on, and the wheel itself.

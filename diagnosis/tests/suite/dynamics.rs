@@ -197,10 +197,12 @@ fn unequal_wheels_couple_what_the_loops_keep() {
             // Coefficients of the base: acceleration by one unit of input.
             let by = (rig.base)([1.0, 1.0], [v, w]);
             let (th1, th2) = (1.0 / (by[0] - a), 1.0 / (by[1] - b));
-            let used = [-th1 * a, -th2 * b];
+            // What turning does to the centre of mass acts on the body: no wheel's radius counts for it.
+            let still = held([v, w]);
+            let used = [-th1 * a - still[0], -th2 * b - still[1]];
             let drive = [u[0] - used[0] + 0.5 * e * h * used[1], u[1] - used[1] + 0.5 * e / h * used[0]];
             let push = [u[0] - used[0], u[1] - used[1]];
-            [(drive[0] - 0.5 * e * h / ratio * push[1]) / th1, (drive[1] - 0.5 * e * ratio / h * push[0]) / th2]
+            [(drive[0] - 0.5 * e * h / ratio * push[1] - still[0]) / th1, (drive[1] - 0.5 * e * ratio / h * push[0] - still[1]) / th2]
         });
         assert!(error < 1e-3, "{error}");
         // Kinetic energy of the robot in what its encoders say: x = x̂ − E x̂, masses th1 and th2 h²/ρ beside it.
@@ -381,7 +383,12 @@ fn a_lateral_centre_of_mass_is_what_a_rigid_body_does() {
 
 /// What drives the body's wheels where nothing slips.
 fn drives(u: [f64; 2], [v, w]: [f64; 2]) -> [f64; 2] {
-    wheels([u[0] - 0.01 * w * w - 1.02 * v, u[1] - 0.05 * v * w - 1.05 * w])
+    wheels([u[0] - 1.02 * v, u[1] - 1.05 * w])
+}
+
+/// What the ground has to give at the body, in terms of the commands, where its centre of mass is off the axle.
+fn held([v, w]: [f64; 2]) -> [f64; 2] {
+    [0.01 * w * w, 0.05 * v * w]
 }
 
 /// What arrives of a push at a wheel whose hub has a speed: the push less what the rim runs ahead, by bisection. `needed` is the slip at
@@ -416,13 +423,16 @@ fn carried_beside(pushes: [f64; 2], own: f64, cross: f64, carried: impl Fn(usize
 #[test]
 fn wheels_creep_and_spin() {
     let rig = body();
-    let to_body = |[left, right]: [f64; 2]| [0.5 * (left + right) / 0.26, (right - left) / (2.0 * HALF_TRACK) / 0.19];
+    let to_body = |[left, right]: [f64; 2], x: [f64; 2]| {
+        let [forward, turn] = held(x);
+        [(0.5 * (left + right) - forward) / 0.26, ((right - left) / (2.0 * HALF_TRACK) - turn) / 0.19]
+    };
     // What the loops of forward and of turning speed withdraw of the wheel's own speed and of the other's.
     let (own, cross) = (0.5 * (1.02 + 1.05), 0.5 * (1.02 - 1.05));
     let creep = 0.9;
     let error = rig.error(&WheelSlip { law: SlipLaw::Creep }, &[creep, 0.0, 1.0], rig.start, &[], |_, u, x| {
         let (a, s) = (drives(u, x), wheels(x));
-        to_body(carried_beside(a, own, cross, |i, push| carried(push, own * s[i], |force| creep / own * force)))
+        to_body(carried_beside(a, own, cross, |i, push| carried(push, own * s[i], |force| creep / own * force)), x)
     });
     assert!(error < 2e-4, "{error}");
     let tyre = WheelSlip { law: SlipLaw::Grip };
@@ -430,7 +440,7 @@ fn wheels_creep_and_spin() {
         let error = rig.error(&tyre, &[grip, creep, 0.0, 1.0], rig.start, &[], |_, u, x| {
             let (a, s) = (drives(u, x), wheels(x));
             let ground = |i: usize, push: f64| carried(push, own * s[i], |force| brush(force, 0.26 * grip, creep / own));
-            to_body(carried_beside(a, own, cross, ground))
+            to_body(carried_beside(a, own, cross, ground), x)
         });
         assert!(error < 2e-4, "grip {grip}, creep {creep}: {error}");
     }
@@ -460,12 +470,12 @@ fn a_wheel_comes_up_to_its_slip_in_a_time_of_its_own() {
     };
     let slope = |_: f64, u: [f64; 2], [v, w, left, right]: [f64; 4]| {
         let ahead = [0.5 * (left + right), (right - left) / (2.0 * HALF_TRACK)];
-        let net = [u[0] - 0.01 * w * w - 1.02 * (v + ahead[0]), u[1] - 0.05 * v * w - 1.05 * (w + ahead[1])];
+        let net = [u[0] - 1.02 * (v + ahead[0]), u[1] - 1.05 * (w + ahead[1])];
         let (pushes, hubs) = (drives_of(net, ratio), wheels([v, w]));
         let ground = [tyre(left, hubs[0]), tyre(right, hubs[1])];
         [
-            0.5 * (ground[0] + ground[1]) / 0.26,
-            ratio * (ground[1] - ground[0]) / (2.0 * HALF_TRACK) / 0.19,
+            (0.5 * (ground[0] + ground[1]) - held([v, w])[0]) / 0.26,
+            (ratio * (ground[1] - ground[0]) / (2.0 * HALF_TRACK) - held([v, w])[1]) / 0.19,
             (pushes[0] - ground[0]) / (own * spin_up),
             (pushes[1] - ground[1]) / (own * spin_up),
         ]

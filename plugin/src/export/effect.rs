@@ -434,8 +434,9 @@ unsafe extern "C" fn load(
 unsafe fn seen<'a>(motion: *const abi::Motion, n: usize, m: usize) -> Option<Motion<'a>> {
     // SAFETY: as the caller promises.
     unsafe {
-        let abi::Motion { u, outputs, inertia, drag } = *motion.as_ref()?;
-        Some(Motion { u: slice(u, n), outputs: slice(outputs, m), inertia: slice(inertia, n * m), drag: slice(drag, n * m) })
+        let abi::Motion { u, outputs, inertia, drag, held } = *motion.as_ref()?;
+        let (inertia, drag, held) = (slice(inertia, n * m), slice(drag, n * m), slice(held, n));
+        Some(Motion { u: slice(u, n), outputs: slice(outputs, m), inertia, drag, held })
     }
 }
 

@@ -34,7 +34,7 @@ const CHANNELS: usize = 16;
 /// Scenes for which what a library prepared is kept.
 const SCENES: usize = 16;
 /// Stages by their numbers.
-const STAGES: [Stage; 11] = [
+const STAGES: [Stage; 14] = [
     Stage::Transport,
     Stage::Ramp,
     Stage::Threshold,
@@ -42,8 +42,11 @@ const STAGES: [Stage; 11] = [
     Stage::Gain,
     Stage::Filter,
     Stage::Loop,
+    Stage::Bearing,
     Stage::Load,
     Stage::Drive,
+    Stage::Contact,
+    Stage::Inertia,
     Stage::Reading,
     Stage::Sensor,
 ];
@@ -573,6 +576,6 @@ impl Effect for LoadedEffect {
 
 /// A motion as a library is told of it.
 fn told(motion: &Motion<'_>) -> abi::Motion {
-    let Motion { u, outputs, inertia, drag } = motion;
-    abi::Motion { u: u.as_ptr(), outputs: outputs.as_ptr(), inertia: inertia.as_ptr(), drag: drag.as_ptr() }
+    let Motion { u, outputs, inertia, drag, held } = motion;
+    abi::Motion { u: u.as_ptr(), outputs: outputs.as_ptr(), inertia: inertia.as_ptr(), drag: drag.as_ptr(), held: held.as_ptr() }
 }

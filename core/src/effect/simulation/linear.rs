@@ -24,7 +24,7 @@ pub(super) struct Linear {
     pub(super) mobility: Vec<f64>,
     pub(super) inertia: Vec<f64>,
     /// Inputs that a unit of each output takes to be held.
-    drag: Vec<f64>,
+    pub(super) drag: Vec<f64>,
     scratch: Weights,
     cache: Vec<StepWeights>,
     /// The one used last and the one replaced next.
@@ -90,8 +90,8 @@ impl Linear {
 
     /// What drive effects see of a motion.
     #[inline(always)]
-    pub(super) fn motion<'m>(&'m self, u: &'m [f64], outputs: &'m [f64]) -> Motion<'m> {
-        Motion { u, outputs, inertia: &self.inertia, drag: &self.drag }
+    pub(super) fn motion<'m>(&'m self, u: &'m [f64], outputs: &'m [f64], held: &'m [f64]) -> Motion<'m> {
+        Motion { u, outputs, inertia: &self.inertia, drag: &self.drag, held }
     }
 
     /// Has the weights of a step length ready for [`weights`](Self::weights).

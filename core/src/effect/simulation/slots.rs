@@ -22,6 +22,7 @@ pub(super) struct Slots<'a> {
     slots: Vec<Slot<'a>>,
     /// Where in the order the effects of each hook are.
     commands: Range<usize>,
+    bearings: Range<usize>,
     loads: Range<usize>,
     drives: Range<usize>,
     /// Whether the command that goes on changes only where a piece of an interval begins.
@@ -47,19 +48,27 @@ impl<'a> Slots<'a> {
             let values: Vec<f64> = parameters.iter().enumerate().map(value).collect();
             let range = states..states + effect.states(scene);
             let stage = effect.stage();
-            slots.push(Slot { effect, first, values, states: range.clone(), stage, senses: stage > Stage::Drive || effect.senses() });
+            slots.push(Slot {
+                effect,
+                first,
+                values,
+                states: range.clone(),
+                stage,
+                senses: stage.place() == Place::Measurement || effect.senses(),
+            });
             first += parameters.len();
             states = range.end;
         }
         slots.sort_by_key(|s| s.stage);
         let before = |end: &dyn Fn(Stage) -> bool| slots.partition_point(|s| end(s.stage));
         let commands = 0..before(&|s| s.place() == Place::Command);
-        let loads = commands.end..before(&|s| s <= Stage::Load);
-        let drives = loads.end..before(&|s| s <= Stage::Drive);
+        let bearings = commands.end..before(&|s| s <= Stage::Bearing);
+        let loads = bearings.end..before(&|s| s <= Stage::Load);
+        let drives = loads.end..before(&|s| s.place() != Place::Measurement);
         let held = slots[commands.clone()].iter().all(|s| s.effect.holds());
-        let advancing = slots[loads.start..drives.end].iter().any(|s| !s.states.is_empty());
+        let advancing = slots[bearings.start..drives.end].iter().any(|s| !s.states.is_empty());
         let sensed = slots.iter().any(|s| s.senses);
-        Self { slots, commands, loads, drives, held, sensed, advancing, states }
+        Self { slots, commands, bearings, loads, drives, held, sensed, advancing, states }
     }
 
     /// Replaces all values, given in the caller's order.
@@ -71,7 +80,7 @@ impl<'a> Slots<'a> {
     }
 
     pub(super) fn loads(&self) -> bool {
-        !self.loads.is_empty()
+        self.bearings.start < self.loads.end
     }
 
     pub(super) fn driven(&self) -> bool {
@@ -108,11 +117,22 @@ impl<'a> Slots<'a> {
         }
     }
 
-    /// What the loads use up.
+    /// What is used up at the wheels.
+    #[inline(always)]
+    pub(super) fn bear(&self, at: &Instant<'_>, outputs: &[f64], state: &[f64], load: &mut [f64]) {
+        self.use_up(&self.bearings, at, outputs, state, load);
+    }
+
+    /// What is used up by forces on the robot.
     #[inline(always)]
     pub(super) fn load(&self, at: &Instant<'_>, outputs: &[f64], state: &[f64], load: &mut [f64]) {
+        self.use_up(&self.loads, at, outputs, state, load);
+    }
+
+    #[inline(always)]
+    fn use_up(&self, by: &Range<usize>, at: &Instant<'_>, outputs: &[f64], state: &[f64], load: &mut [f64]) {
         load.fill(0.0);
-        for slot in &self.slots[self.loads.clone()] {
+        for slot in &self.slots[by.clone()] {
             slot.effect.load(&slot.values, at, outputs, &state[slot.states.clone()], load);
         }
     }
@@ -128,7 +148,7 @@ impl<'a> Slots<'a> {
     /// States of loads and drive effects.
     #[inline(always)]
     pub(super) fn advance(&self, at: &Instant<'_>, motion: &Motion<'_>, drive: &[f64], state: &mut [f64]) {
-        for slot in self.slots[self.loads.start..self.drives.end].iter().filter(|s| !s.states.is_empty()) {
+        for slot in self.slots[self.bearings.start..self.drives.end].iter().filter(|s| !s.states.is_empty()) {
             slot.effect.advance(&slot.values, at, motion, drive, &mut state[slot.states.clone()]);
         }
     }

@@ -36,6 +36,8 @@ struct Work {
     drive: Vec<f64>,
     /// The drive before the drive effects.
     given: Vec<f64>,
+    /// What the ground has to give besides.
+    held: Vec<f64>,
 }
 
 impl Body {
@@ -52,7 +54,7 @@ impl Body {
             u: input(),
             travelled: buffer(),
             fineness: scene.scales.outputs.iter().map(|s| 1.0 / s).collect(),
-            work: Work { net: input(), load: input(), drive: input(), given: input() },
+            work: Work { net: input(), load: input(), drive: input(), given: input(), held: input() },
         }
     }
 
@@ -216,7 +218,7 @@ impl EffectSimulator<'_> {
             slots.command(&middle_at, mid, state, &mut b.u);
         }
         if slots.advancing {
-            slots.advance(&middle_at, &linear.motion(&b.u, mid), &b.work.given, state);
+            slots.advance(&middle_at, &linear.motion(&b.u, mid, &b.work.held), &b.work.given, state);
         }
         right.accelerations::<N>(&middle_at, mid, &b.u, state, &mut b.work, nm)?;
         let mut bend: f64 = 0.0;
@@ -238,7 +240,7 @@ impl EffectSimulator<'_> {
             slots.command(&end, x, state, &mut b.u);
         }
         if slots.advancing {
-            slots.advance(&end, &linear.motion(&b.u, x), &b.work.given, state);
+            slots.advance(&end, &linear.motion(&b.u, x, &b.work.held), &b.work.given, state);
         }
         if h * bend <= BEND {
             return Ok(0.0);
@@ -275,21 +277,27 @@ impl RightSide<'_, '_> {
         work: &mut Work,
         out: &mut [f64],
     ) -> Result<(), ModelError> {
-        let Work { net, load, drive, given } = work;
+        let Work { net, load, drive, given, held } = work;
         let m = if N == 0 { u.len() } else { N };
+        let (net, load) = (&mut net[..m], &mut load[..m]);
         let mut left = u;
         if self.slots.loads() {
-            let (net, load) = (&mut net[..m], &mut load[..m]);
-            self.slots.load(at, x, state, load);
+            self.slots.bear(at, x, state, load);
             net.iter_mut().zip(u).zip(load.iter()).for_each(|((n, u), l)| *n = u - l);
+            held.copy_from_slice(net);
+            self.slots.load(at, x, state, load);
+            net.iter_mut().zip(load.iter()).for_each(|(n, l)| *n -= l);
             left = net;
+        } else {
+            held.copy_from_slice(u);
         }
         self.model.accelerations(self.theta, left, x, out)?;
         if self.slots.driven() {
-            let Linear { inertia, mobility, .. } = self.linear;
+            let Linear { inertia, mobility, drag, .. } = self.linear;
             multiply(inertia, out, drive);
             given.copy_from_slice(drive);
-            self.slots.drive(at, &self.linear.motion(u, x), state, drive);
+            held.iter_mut().enumerate().for_each(|(i, h)| *h -= square_row(drag, i, x) + given[i]);
+            self.slots.drive(at, &self.linear.motion(u, x, held), state, drive);
             multiply(mobility, drive, out);
         }
         Ok(())
