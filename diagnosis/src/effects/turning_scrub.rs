@@ -16,6 +16,9 @@ use wheelwright_core::effect::{Confusion, EffectParameter, Estimate, Frame, Inst
 use super::force;
 use super::words::{KINK, digits, quantity, scaled};
 
+/// Lever over half the track beyond which the patches' friction is spent in every turn.
+const DRY: f64 = 30.0;
+
 /// How the resistance depends on speed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
@@ -85,11 +88,19 @@ impl Effect for TurningScrub {
     fn statement(&self, values: &[Estimate], scene: &Scene) -> String {
         let (h, unit) = (scene.frame.half_track(), force::unit(scene));
         match self.law {
-            ScrubLaw::Patch => format!(
-                "the wheels scrub sideways in turns: turning in place uses up {} of each wheel's command, and half of that is left where the radius of the turn is {}; the model had no scrub",
-                quantity(scaled(values[0], |m| m * h), unit),
-                quantity(scaled(values[1], |l| 3.0_f64.sqrt() * l), "m"),
-            ),
+            ScrubLaw::Patch => {
+                let fades = match values[1].value > DRY * h {
+                    true => "at whatever speed".to_owned(),
+                    false => format!(
+                        "and half of that is left where the radius of the turn is {}",
+                        quantity(scaled(values[1], |l| 3.0_f64.sqrt() * l), "m")
+                    ),
+                };
+                let moment = quantity(scaled(values[0], |m| m * h), unit);
+                format!(
+                    "the wheels scrub sideways in turns: turning in place uses up {moment} of each wheel's command, {fades}; the model had no scrub"
+                )
+            }
             ScrubLaw::Understeer => {
                 let speed = scene.scales.speed;
                 let share = scaled(values[0], |k| 100.0 * k * speed.powi(3) / force::command(scene, 0));

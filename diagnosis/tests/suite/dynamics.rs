@@ -452,6 +452,32 @@ fn wheels_creep_and_spin() {
     assert!(error < 2e-4, "{error}");
 }
 
+/// Friction of a bearing never reaches the ground; a drag does, and so does a mass off the middle, whatever order they are told in.
+#[test]
+fn the_ground_carries_what_bearings_leave_against_what_pulls_at_the_robot() {
+    let rig = body();
+    let (own, cross) = (0.5 * (1.02 + 1.05), 0.5 * (1.02 - 1.05));
+    let (creep, dry, drag, offset) = (0.9, 0.03, [0.2, 0.05], 0.04);
+    let (th7, th8) = (0.26 * offset, 0.26 * offset / (HALF_TRACK * HALF_TRACK));
+    let slope = |_: f64, u: [f64; 2], x: [f64; 2]| {
+        let s = wheels(x);
+        let pushes = [0, 1].map(|i| drives(u, x)[i] - dry * rig.sign(s[i]));
+        let [left, right] = carried_beside(pushes, own, cross, |i, push| carried(push, own * s[i], |force| creep / own * force));
+        let forward = 0.5 * (left + right) - held(x)[0] - drag[0] * x[0] * x[0].abs();
+        let turn = (right - left) / (2.0 * HALF_TRACK) - held(x)[1] - drag[1] * x[1] * x[1].abs();
+        let determinant = 0.26 * 0.19 - th7 * th8;
+        [(0.19 * forward + th7 * turn) / determinant, (0.26 * turn + th8 * forward) / determinant]
+    };
+    let slip = WheelSlip { law: SlipLaw::Creep };
+    let (friction, air, mass) = (CoulombFriction::default(), QuadraticDrag::default(), LateralComOffset::default());
+    let [v, w] = rig.start;
+    let one =
+        rig.joint_error(&[&friction, &air, &slip, &mass], &[dry, 1.0, drag[0], drag[1], creep, 0.0, 1.0, offset, 1.0], [v, w], &[], slope);
+    let other =
+        rig.joint_error(&[&mass, &slip, &air, &friction], &[offset, 1.0, creep, 0.0, 1.0, drag[0], drag[1], dry, 1.0], [v, w], &[], slope);
+    assert!(one < 5e-4 && (one - other).abs() < 1e-12, "{one} and {other}");
+}
+
 /// Drives of the body's wheels, in terms of the forward command; a force counts `ratio` times as much in turning.
 fn drives_of([v, w]: [f64; 2], ratio: f64) -> [f64; 2] {
     wheels([v, w / ratio])

@@ -104,7 +104,19 @@ impl Rig {
         switches: &[f64],
         slope: impl Fn(f64, [f64; 2], [f64; N]) -> [f64; N],
     ) -> f64 {
-        let (run, truth) = (self.run(&[effect], values), integrate(self.stretch(), start, switches, slope));
+        self.joint_error(&[effect], values, start, switches, slope)
+    }
+
+    /// The same of several effects.
+    pub fn joint_error<const N: usize>(
+        &self,
+        effects: &[&dyn Effect],
+        values: &[f64],
+        start: [f64; N],
+        switches: &[f64],
+        slope: impl Fn(f64, [f64; 2], [f64; N]) -> [f64; N],
+    ) -> f64 {
+        let (run, truth) = (self.run(effects, values), integrate(self.stretch(), start, switches, slope));
         let plain = self.run(&[], &[]);
         let scale = self.scene().scales.outputs;
         let rms = |a: &dyn Fn(usize, usize) -> f64| {
@@ -112,7 +124,7 @@ impl Rig {
             (sum / (2 * truth.len()) as f64).sqrt()
         };
         let did = rms(&|i, k| truth[k][i] - plain[i][k]);
-        assert!(did > 0.01, "{effect:?} does next to nothing here: {did}");
+        assert!(did > 0.01, "{effects:?} do next to nothing here: {did}");
         rms(&|i, k| truth[k][i] - run[i][k])
     }
 
