@@ -13,6 +13,9 @@ use super::words::{KINK, quantity};
 /// Least speed over which friction falls, in widths of the smoothed sign: a narrower rise is the form of the kink.
 const NARROWEST: f64 = 5.0;
 
+/// Running friction and what breaking away needs beyond it, as shares of a typical command, where they are so large that wheels stick and jump.
+const STICKING: (f64, f64) = (0.1, 0.2);
+
 /// Share by which a speed may differ from its least and is that.
 const LEAST: f64 = 1e-3;
 
@@ -55,7 +58,13 @@ impl Effect for StribeckFriction {
     fn starts(&self, scene: &Scene) -> Vec<Start> {
         let size = 0.05 * force::command(scene, 0);
         let from = |share: f64| force::starts(scene, &[size, size, share * scene.scales.speed], &[vec![0], vec![1]]);
-        [0.06, 0.12, 0.22, 0.4].into_iter().flat_map(from).collect()
+        // From a small friction no step leads to wheels that stick.
+        let command = force::command(scene, 0);
+        let sticking = |share: f64| {
+            let values = [STICKING.0 * command, STICKING.1 * command, share * scene.scales.speed];
+            Start { values: force::with_ratio(scene, &values), columns: vec![vec![0], vec![1]], linear: false }
+        };
+        [0.06, 0.12, 0.22, 0.4].into_iter().flat_map(from).chain([0.1, 0.2, 0.4].map(sticking)).collect()
     }
 
     fn statement(&self, values: &[Estimate], scene: &Scene) -> String {

@@ -17,3 +17,4 @@ mod recorded;
 mod rig;
 mod rivals;
 mod slow;
+mod sticking;

@@ -79,8 +79,12 @@ impl<'a> Slots<'a> {
         }
     }
 
+    pub(super) fn bears(&self) -> bool {
+        !self.bearings.is_empty()
+    }
+
     pub(super) fn loads(&self) -> bool {
-        self.bearings.start < self.loads.end
+        !self.loads.is_empty()
     }
 
     pub(super) fn driven(&self) -> bool {

@@ -280,18 +280,19 @@ impl RightSide<'_, '_> {
         let Work { net, load, drive, given, held } = work;
         let m = if N == 0 { u.len() } else { N };
         let (net, load) = (&mut net[..m], &mut load[..m]);
-        let mut left = u;
-        if self.slots.loads() {
+        net.copy_from_slice(u);
+        if self.slots.bears() {
             self.slots.bear(at, x, state, load);
-            net.iter_mut().zip(u).zip(load.iter()).for_each(|((n, u), l)| *n = u - l);
+            net.iter_mut().zip(load.iter()).for_each(|(n, l)| *n -= l);
+        }
+        if self.slots.driven() {
             held.copy_from_slice(net);
+        }
+        if self.slots.loads() {
             self.slots.load(at, x, state, load);
             net.iter_mut().zip(load.iter()).for_each(|(n, l)| *n -= l);
-            left = net;
-        } else {
-            held.copy_from_slice(u);
         }
-        self.model.accelerations(self.theta, left, x, out)?;
+        self.model.accelerations(self.theta, net, x, out)?;
         if self.slots.driven() {
             let Linear { inertia, mobility, drag, .. } = self.linear;
             multiply(inertia, out, drive);
