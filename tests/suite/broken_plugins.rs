@@ -47,7 +47,7 @@ fn recording(folder: &TempDir, special: f64) {
 #[test]
 fn a_library_that_cannot_be_taken_ends_with_status_2_and_a_broken_one_with_5() {
     for (defines, status, expected) in [
-        (["WRONG_VERSION"].as_slice(), 5, "it speaks plugin interface 1, this program speaks 4"),
+        (["WRONG_VERSION"].as_slice(), 5, "it speaks plugin interface 1, this program speaks 5"),
         (&["NO_SYMBOL"], 5, "it does not export `wheelwright_plugin`"),
         (&["NULL_FUNCTION"], 5, "robot 1: the function `step` is NULL"),
         (&["HANG_IN_CONSTRUCTOR"], 5, "loading it has not returned within 2 s"),

@@ -22,7 +22,7 @@ fn a_broken_descriptor_is_refused_by_what_is_wrong_with_it() {
         return;
     }
     let table = [
-        ("WRONG_VERSION", "it speaks plugin interface 1, this program speaks 4"),
+        ("WRONG_VERSION", "it speaks plugin interface 1, this program speaks 5"),
         ("WRONG_SIZE", "its `ww_robot_info` has 40 bytes, this program's 48"),
         ("NO_SYMBOL", "it does not export `wheelwright_plugin`"),
         ("NULL_DESCRIPTOR", "wheelwright_plugin: the descriptor is NULL"),
