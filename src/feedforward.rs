@@ -105,7 +105,7 @@ impl Term {
 /// Whether an effect is a function of the motion and the command alone, so that a table can meet it.
 fn in_table(effect: &dyn Effect, scene: &Scene) -> bool {
     match effect.stage() {
-        _ if loads(effect) => effect.states(scene) == 0,
+        Stage::Bearing | Stage::Load => effect.states(scene) == 0,
         Stage::Threshold | Stage::Gain => true,
         _ => false,
     }

@@ -254,13 +254,14 @@ typedef struct ww_instant {
 } ww_instant;
 
 /* What a drive effect sees of the motion. `inertia` and `drag`, inputs x outputs, are the inputs that a unit of each acceleration
- * needs and that a unit of each output takes to be held; zeros where no drive effect acts. */
+ * needs and that a unit of each output takes to be held; `held`, one an input, is what the ground gives besides what accelerates
+ * the robot: the model's part that is not linear, and the loads on the robot itself. Zeros where no drive effect acts. */
 typedef struct ww_motion {
     const double *u; /* the command behind the command effects */
     const double *outputs;
     const double *inertia;
     const double *drag;
-    const double *held; /* what the ground gives besides what accelerates the robot */
+    const double *held;
 } ww_motion;
 
 /* A value with its 95 % interval; NAN where there is none. */

@@ -415,8 +415,7 @@ impl Trial<'_> {
             let (mut load, mut drive) = (vec![0.0; n], u.iter().zip(&x).map(|(u, x)| u - x).collect::<Vec<f64>>());
             effect.command(p, &at, &x, &mut state, &mut u);
             effect.load(p, &at, &x, &state, &mut load);
-            let held = load.clone();
-            let motion = Motion { u: &u, outputs: &x, inertia: &inertia, drag: &drag, held: &held };
+            let motion = Motion { u: &u, outputs: &x, inertia: &inertia, drag: &drag, held: &load };
             effect.drive(p, &at, &motion, &state, &mut drive);
             effect.advance(p, &at, &motion, &drive, &mut state);
             effect.measure(p, &at, &past, &mut state, &mut x);
