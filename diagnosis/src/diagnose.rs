@@ -18,6 +18,7 @@ use crate::fit::whitening::Whitening;
 use crate::judge::judged;
 use crate::noise::Noise;
 use crate::question::{DiagnosisError, Question};
+use crate::radius::{self, Wheels};
 use crate::screen::{Response, saturate};
 use crate::select::{COMPARING, EXCHANGE, FINAL, Search, Selected, State};
 use crate::track;
@@ -58,20 +59,15 @@ pub fn diagnose(question: &Question<'_>) -> Result<Diagnosis, DiagnosisError> {
             question.training.samples()
         ));
     }
-    let scene = |width: f64| Scene::new(&data, question.model, width, question.wheel_radius, headings.as_deref());
-    let (ordinary, fitting) = (scene(question.track_width.unwrap_or(track::ORDINARY)), OnceCell::new());
-    let courses = [const { OnceCell::new() }; 5];
-    let mut start = surroundings(setting(question, &data, &ordinary, Readout::Instantaneous), question, &courses[0])?;
-    if question.track_width.is_none() {
-        let likeliest = track::likeliest(question, &start, headings.as_deref());
-        warnings.push(unknown_track(likeliest));
-        if let Some(width) = likeliest {
-            start = surroundings(
-                setting(question, &data, fitting.get_or_init(|| scene(width)), Readout::Instantaneous),
-                question,
-                &courses[1],
-            )?;
-        }
+    let scene = |wheels: Wheels| Scene::new(&data, question.model, wheels.track_width, wheels.radius, headings.as_deref());
+    let ordinary = Wheels { radius: question.wheel_radius, track_width: question.track_width.unwrap_or(track::ORDINARY) };
+    let (first, fitting, courses) = (scene(ordinary), OnceCell::new(), [const { OnceCell::new() }; 5]);
+    let mut start = surroundings(setting(question, &data, &first, Readout::Instantaneous), question, &courses[0])?;
+    let shown = wheels_shown(question, &start, headings.as_deref());
+    warnings.extend(unknown_wheels(question, shown));
+    if let Some(wheels) = shown {
+        start =
+            surroundings(setting(question, &data, fitting.get_or_init(|| scene(wheels)), Readout::Instantaneous), question, &courses[1])?;
     }
     let scene = start.search.setting.scene;
     let Beside { radii, track } = Beside::of(question, scene);
@@ -88,13 +84,38 @@ pub fn diagnose(question: &Question<'_>) -> Result<Diagnosis, DiagnosisError> {
     tell(question, story, &rests, track, warnings)
 }
 
-/// What is said where the track width is unknown: which one is taken.
-fn unknown_track(likeliest: Option<f64>) -> String {
-    let taken = match likeliest {
-        Some(width) => format!("{} m, which fits them best", digits(width)),
-        None => format!("{} m", track::ORDINARY),
-    };
-    format!("the track width is unknown: effects at the wheels are computed with {taken}; give `--robot` to have their sizes right")
+/// Radius and track of the wheels where the recording has to tell them and does: by what returns with their way, or else the track alone by
+/// the effects at the wheels.
+fn wheels_shown(question: &Question<'_>, start: &Surroundings<'_>, headings: Option<&[Vec<f64>]>) -> Option<Wheels> {
+    let Question { wheel_radius, track_width, .. } = *question;
+    if let (None, Some(shown)) = (wheel_radius, radius::shown(start, track_width.is_none())) {
+        return Some(shown);
+    }
+    let likeliest = if track_width.is_none() { track::likeliest(question, start, headings) } else { None };
+    likeliest.map(|track_width| Wheels { radius: wheel_radius, track_width })
+}
+
+/// What is said where radius or track of the wheels are unknown: which ones are taken.
+fn unknown_wheels(question: &Question<'_>, shown: Option<Wheels>) -> Vec<String> {
+    let mut all = Vec::new();
+    if question.track_width.is_none() {
+        let taken = match shown {
+            Some(wheels) => format!("{} m, which fits them best", digits(wheels.track_width)),
+            None => format!("{} m", track::ORDINARY),
+        };
+        all.push(format!(
+            "the track width is unknown: effects at the wheels are computed with {taken}; give `--robot` to have their sizes right"
+        ));
+    }
+    if let (None, Some(radius)) = (question.wheel_radius, shown.and_then(|wheels| wheels.radius)) {
+        all.push(format!(
+            "the wheels' radius is unknown: something returns with every {} m of a wheel's way, and is taken for its turns, at a radius of {} m; give \
+             `--robot` to have that checked",
+            digits(std::f64::consts::TAU * radius),
+            digits(radius)
+        ));
+    }
+    all
 }
 
 /// Odometry that differences counts records means over the interval, which looks like a delay of half a sample, or hides in the model's own

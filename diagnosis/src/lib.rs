@@ -22,6 +22,7 @@ pub mod locate;
 pub mod noise;
 mod question;
 mod race;
+mod radius;
 pub mod residuals;
 mod screen;
 mod select;

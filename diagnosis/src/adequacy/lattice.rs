@@ -100,9 +100,12 @@ pub(super) fn find(comparison: &Comparison<'_>) -> Vec<Lattice> {
 }
 
 /// Counts, if both wheels' speeds are multiples of one quantum. Outputs that are rounded each by itself have a readout of few digits,
-/// which is a noise: then forward speed agrees with the wheels' quantum as well as they do, where that of counted wheels has half of it.
-pub(super) fn counts(comparison: &Comparison<'_>) -> Option<Counts> {
+/// which is a noise: then forward speed agrees with the wheels' quantum as well as they do, where that of counted wheels has half of it; or,
+/// by chance near a multiple of the wheels', with a lattice of its own better than they do with theirs, where noise blurs the half of counts
+/// more than the whole. `lattices` are those of the outputs.
+pub(super) fn counts(comparison: &Comparison<'_>, lattices: &[Lattice]) -> Option<Counts> {
     let scene = comparison.scene;
+    let clear = lattices.iter().filter(|l| l.output == 0).map(|l| l.coherence).fold(0.0, f64::max);
     let tracks: Vec<Frame> = match scene.frame {
         Frame::Channels => return None,
         Frame::Sides { .. } => vec![scene.frame],
@@ -114,7 +117,9 @@ pub(super) fn counts(comparison: &Comparison<'_>) -> Option<Counts> {
             (-steps..=steps).map(|i| Frame::Body { half_track: half_track * share(i) }).collect()
         }
     };
-    let best = tracks.into_iter().filter_map(|frame| of_wheels(comparison, frame));
+    let body = matches!(scene.frame, Frame::Body { .. });
+    let own = |found: &Counts| !body || AGREES * clear <= found.coherence;
+    let best = tracks.into_iter().filter_map(|frame| of_wheels(comparison, frame)).filter(own);
     best.reduce(|a, b| if b.coherence > a.coherence { b } else { a })
 }
 

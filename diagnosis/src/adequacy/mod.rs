@@ -45,15 +45,15 @@ pub struct Adequacy {
 
 /// Runs the tests. The same seed gives the same answer.
 pub fn examine(comparison: &Comparison<'_>, seed: u64) -> Adequacy {
-    let jitter = jitter::find(comparison);
+    let (jitter, lattices) = (jitter::find(comparison), lattice::find(comparison));
     Adequacy {
         structure: structure::measure(comparison, jitter.as_ref()),
         bursts: bursts::find(comparison, seed, jitter.as_ref()),
         memory: memory::find(comparison),
         order: orders::find(comparison),
         jitter,
-        lattices: lattice::find(comparison),
-        counts: lattice::counts(comparison),
+        counts: lattice::counts(comparison, &lattices),
+        lattices,
     }
 }
 

@@ -188,6 +188,19 @@ fn a_readout_of_few_digits_is_no_count() {
 }
 
 #[test]
+fn readouts_that_happen_to_suit_the_track_are_no_counts() {
+    let digits = 0.012;
+    for share in [0.6, 0.8, 0.9, 0.98, 1.0, 1.02, 1.1, 1.3] {
+        // A step of turning that moves a wheel by about as much as a step of forward speed.
+        let steps = [digits, share * digits / (0.5 * TRACK)];
+        let mut case = Case::new(9, |_, i, y, _, random| ((y + 0.4 * steps[i] * normal(random)) / steps[i]).round() * steps[i]);
+        case.noise = steps.map(|q| 0.5 * q);
+        let found = case.compare(None, |c| examine(c, 9));
+        assert!(found.counts.is_none(), "{share}: {:?}", found.counts);
+    }
+}
+
+#[test]
 fn motion_that_is_missed_while_speeding_up_is_no_jitter() {
     for seed in 0..10 {
         let case = Case::new(seed, |_, i, y, slope, random| y + NOISE[i] * normal(random) + 0.03 * slope);

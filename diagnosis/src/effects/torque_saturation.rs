@@ -13,8 +13,8 @@ use super::words::quantity;
 /// that. Of a loop that asks for voltage back-EMF takes κ s before the current is limited; a loop that asks for current has κ = 0. Where
 /// the loops are closed on forward and angular velocity, both pull at each wheel in the ratio of their gains: the wheel lacks e_v ± h
 /// e_ω / ρ with ρ the ratio of the force-to-command gains of forward and angular motion, and what is cut of the angular command is ρ
-/// times as much. In voltages, and for channels of which nothing is known, the limit cuts what is left for acceleration when friction and
-/// back-EMF have taken theirs: a current limit but for the share that friction needs.
+/// times as much; its back-EMF is the wheel's own. In voltages, and for channels of which nothing is known, the limit cuts what is left for
+/// acceleration when friction and back-EMF have taken theirs: a current limit but for the share that friction needs.
 #[derive(Debug, Clone, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct TorqueSaturation {}
@@ -117,8 +117,9 @@ impl Effect for TorqueSaturation {
         match frame {
             Frame::Body { .. } => {
                 let rho = p[1];
-                let lack = [0, 1].map(|axis| motion.u[axis] - (1.0 + p[2]) * motion.outputs[axis]);
-                let cut = frame.at_wheels(&lack, rho).map(|lack| -excess(lack, p[0]));
+                let lack = [0, 1].map(|axis| motion.u[axis] - motion.outputs[axis]);
+                let (asked, speeds) = (frame.at_wheels(&lack, rho), frame.wheels(motion.outputs));
+                let cut = [0, 1].map(|side| -excess(asked[side] - p[2] * speeds[side], p[0]));
                 frame.add_at_wheels(cut, rho, drive);
             }
             Frame::Sides { .. } => drive.iter_mut().for_each(|d| *d -= excess(*d, p[0])),

@@ -264,15 +264,14 @@ fn loops_integrate_their_error() {
 
 #[test]
 fn a_drive_pulls_no_harder_than_its_limit() {
-    for (limit, rho, emf) in [(0.1, 1.0, 0.0), (0.16, 1.9, 0.0), (0.12, 1.0, 0.04)] {
+    for (limit, rho, emf) in [(0.1, 1.0, 0.0), (0.16, 1.9, 0.0), (0.12, 1.0, 0.04), (0.12, 1.5, 0.08)] {
         let error = difference(&[&TorqueSaturation {}], &[limit, rho, emf], &[], [0.3, 0.2], |s, t, x| {
             let u = held(s, t);
-            // Each wheel pulls by what its share of both loops asks for less its back-EMF, up to the limit.
-            let lacks = |axis: usize| u[axis] - (1.0 + emf) * x[axis];
-            let asked = wheels([lacks(0), lacks(1) / rho]);
-            let [forward, turn] = body(asked.map(|e| e.max(-limit).min(limit)));
-            // Back-EMF is a part of what the base model takes off in proportion to speed.
-            base([(1.0 + emf) * x[0] + forward, (1.0 + emf) * x[1] + rho * turn], x)
+            // Each wheel pulls by what its share of both loops asks for less what its own speed induces, up to the limit; the base model takes
+            // off what it induces without one.
+            let (asked, induced) = (wheels([u[0] - x[0], (u[1] - x[1]) / rho]), wheels(*x).map(|speed| emf * speed));
+            let [forward, turn] = body([0, 1].map(|i| (asked[i] - induced[i]).max(-limit).min(limit) + induced[i]));
+            base([x[0] + forward, x[1] + rho * turn], x)
         });
         assert!(error < 2e-4, "{limit} {rho} {emf}: {error}");
     }
