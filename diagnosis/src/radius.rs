@@ -4,7 +4,8 @@
 //! at the wave number 1/r, if the way is the wheel's, which it is with the right track only. So over the wave numbers that samples can
 //! show, and over track widths where none is known, the power of the innovations is taken, weighted with the wheel's speed as geometry is:
 //! twice a log-likelihood ratio with two degrees of freedom for each output. Neighbouring wave numbers tell whether it is a line, or only
-//! the slow structure of something else that is missing.
+//! the slow structure of something else that is missing. Nor is it one if the drive has it too: on laps everything that is missing returns
+//! with every lap.
 //!
 //! That a wheel has one line a turn is supposed: of an oval wheel half the radius would be found.
 
@@ -34,8 +35,8 @@ const FINE: f64 = 12.0;
 const DENSE: f64 = 4.0;
 /// Chance that noise shows a line.
 const FALSE_ALARM: f64 = 1e-3;
-/// A line stands out from its neighbourhood by this factor.
-const CONTRAST: f64 = 4.0;
+/// A line stands out from its neighbourhood by this factor: twice the one that is asked where the wheels are known.
+const CONTRAST: f64 = 8.0;
 /// What counts as neighbourhood to either side, as a share of the wave number.
 const NEIGHBOURHOOD: f64 = 0.25;
 /// Turns within which a line cannot be told from a wander.
@@ -54,6 +55,8 @@ pub(crate) struct Wheels {
 #[derive(Debug, Clone, Copy)]
 struct Line {
     power: f64,
+    /// Where among the wave numbers, and the wave number \[rad/m\].
+    at: usize,
     wave_number: f64,
     half_track: f64,
 }
@@ -68,10 +71,11 @@ pub(crate) fn shown(start: &Surroundings<'_>, any_track: bool) -> Option<Wheels>
     let mut best: Option<Line> = None;
     for half_track in half_tracks {
         for side in 0..2 {
-            let power = course.power(&waves, side, half_track, &mut planner);
+            let power = course.power(&waves, side, half_track, &mut planner, |row| row.left);
             let Some(line) = waves.line(&power, half_track, looks) else { continue };
             if best.is_none_or(|b| line.power > b.power) {
-                best = Some(line);
+                let driven = course.power(&waves, side, half_track, &mut planner, |row| row.gained);
+                best = Some(line).filter(|line| !waves.stands_out(&driven, line.at)).or(best);
             }
         }
     }
@@ -96,6 +100,8 @@ struct Row {
     outputs: [f64; 2],
     /// Innovations of both outputs, of unit variance.
     left: Complex<f64>,
+    /// What both simulated outputs gained since the row before.
+    gained: Complex<f64>,
 }
 
 impl Course {
@@ -111,10 +117,12 @@ impl Course {
             let [first, second] = [0, 1].map(|c| layout.settled(c, s));
             for (k, (i, j)) in (layout.unsettled(s)..).zip(first.zip(second)) {
                 let [left, right] = [track.distance[0][k], track.distance[1][k]];
+                let gain = |c: usize, at: usize| (base.simulated[at] - base.simulated[at - usize::from(k > 0)]) / scene.scales.outputs[c];
                 rows.push(Row {
                     way: [0.5 * (left + right), 0.5 * (right - left) / scene.frame.half_track()],
                     outputs: [base.simulated[i], base.simulated[j]],
                     left: Complex::new(roots[0] * base.residual[i], roots[1] * base.residual[j]),
+                    gained: Complex::new(gain(0, i), gain(1, j)),
                 });
             }
         }
@@ -136,8 +144,15 @@ impl Course {
         (0..=count).map(|i| least * (most / least).powf(i as f64 / count as f64)).collect()
     }
 
-    /// Power at each wave number, both outputs together.
-    fn power(&self, waves: &Waves, side: usize, half_track: f64, planner: &mut FftPlannerScalar<f64>) -> Vec<f64> {
+    /// Power of a pair of series at each wave number, both together.
+    fn power(
+        &self,
+        waves: &Waves,
+        side: usize,
+        half_track: f64,
+        planner: &mut FftPlannerScalar<f64>,
+        of: impl Fn(&Row) -> Complex<f64>,
+    ) -> Vec<f64> {
         let frame = match self.frame {
             Frame::Body { .. } => Frame::Body { half_track },
             other => other,
@@ -145,10 +160,11 @@ impl Course {
         let sign = [-1.0, 1.0][side];
         let mut places = vec![Complex::new(0.0, 0.0); waves.places];
         let mut norm = 0.0;
-        for Row { way, outputs, left } in &self.rows {
+        for row in &self.rows {
+            let Row { way, outputs, .. } = row;
             let speed = frame.wheels(outputs)[side];
             let place = ((way[0] + sign * half_track * way[1]) / waves.grid).round().rem_euclid(waves.places as f64);
-            places[(place as usize).min(waves.places - 1)] += left * speed;
+            places[(place as usize).min(waves.places - 1)] += of(row) * speed;
             norm += 0.5 * speed * speed;
         }
         planner.plan_fft_forward(waves.places).process(&mut places);
@@ -191,12 +207,18 @@ impl Waves {
         if 0.5 * largest - (0.5 * largest).ln_1p() < (looks / FALSE_ALARM).ln() {
             return None;
         }
+        let wave_number = at as f64 * self.lowest;
+        self.stands_out(power, at).then_some(Line { power: largest, at, wave_number, half_track })
+    }
+
+    /// Whether the most power about a wave number stands out from that of its neighbourhood.
+    fn stands_out(&self, power: &[f64], at: usize) -> bool {
         let width = (2.0 * DENSE) as usize;
         let reach = ((NEIGHBOURHOOD * at as f64) as usize).max(4 * width);
-        let near = at.saturating_sub(reach).max(self.first)..(at + reach + 1).min(power.len());
-        let mut near: Vec<f64> = near.filter(|k| k.abs_diff(at) > width).map(|k| power[k]).collect();
-        near.sort_by(f64::total_cmp);
-        let usual = near.get(near.len() * 9 / 10).copied()?;
-        (largest > CONTRAST * usual).then_some(Line { power: largest, wave_number: at as f64 * self.lowest, half_track })
+        let around = at.saturating_sub(reach).max(self.first)..(at + reach + 1).min(power.len());
+        let (own, mut near): (Vec<usize>, Vec<usize>) = around.partition(|k| k.abs_diff(at) <= width);
+        near.sort_by(|a, b| power[*a].total_cmp(&power[*b]));
+        let usual = near.get(near.len() * 9 / 10).map_or(0.0, |k| power[*k]);
+        own.into_iter().any(|k| power[k] > CONTRAST * usual)
     }
 }
