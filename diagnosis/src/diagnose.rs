@@ -88,11 +88,9 @@ pub fn diagnose(question: &Question<'_>) -> Result<Diagnosis, DiagnosisError> {
 /// the effects at the wheels.
 fn wheels_shown(question: &Question<'_>, start: &Surroundings<'_>, headings: Option<&[Vec<f64>]>) -> Option<Wheels> {
     let Question { wheel_radius, track_width, .. } = *question;
-    if let (None, Some(shown)) = (wheel_radius, radius::shown(start, track_width.is_none())) {
-        return Some(shown);
-    }
-    let likeliest = if track_width.is_none() { track::likeliest(question, start, headings) } else { None };
-    likeliest.map(|track_width| Wheels { radius: wheel_radius, track_width })
+    let round = if wheel_radius.is_none() { radius::shown(question, start, headings) } else { None };
+    let likeliest = || if track_width.is_none() { track::likeliest(question, start, headings) } else { None };
+    round.or_else(|| likeliest().map(|track_width| Wheels { radius: wheel_radius, track_width }))
 }
 
 /// What is said where radius or track of the wheels are unknown: which ones are taken.
@@ -224,6 +222,13 @@ pub(crate) struct Surroundings<'a> {
     /// The noise, and the base model under it.
     pub(crate) whitening: Whitening,
     pub(crate) base: Fit,
+}
+
+impl Surroundings<'_> {
+    /// The base model without effects.
+    pub(crate) fn plain(&self) -> State {
+        State { effects: Vec::new(), fit: self.base.clone() }
+    }
 }
 
 /// Base fit, noise, and what every effect would change; `course` keeps the scene with the wheels' course as that fit and the record tell it.

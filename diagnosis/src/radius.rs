@@ -13,9 +13,12 @@ use std::f64::consts::TAU;
 
 use rustfft::FftPlannerScalar;
 use rustfft::num_complex::Complex;
-use wheelwright_core::effect::Frame;
+use wheelwright_core::effect::{Frame, Scene};
 
-use crate::diagnose::Surroundings;
+use crate::diagnose::{DECISIVE, Surroundings};
+use crate::question::Question;
+use crate::select::Search;
+use crate::track::{evidence, evidence_at_first};
 
 /// Radii of wheels \[m\]: of a robot in a hand, of a tractor.
 const RADII: (f64, f64) = (0.005, 1.0);
@@ -61,8 +64,19 @@ struct Line {
     half_track: f64,
 }
 
-/// What the recording tells of the wheels beside the base model, if there is a line; `any_track` if the track may be another than the scene's.
-pub(crate) fn shown(start: &Surroundings<'_>, any_track: bool) -> Option<Wheels> {
+/// What the recording tells of the wheels, if it does: by a line of which effects that go round with wheels of this radius explain decisively
+/// more than all others do at the ordinary ones.
+pub(crate) fn shown(question: &Question<'_>, start: &Surroundings<'_>, headings: Option<&[Vec<f64>]>) -> Option<Wheels> {
+    let Search { setting, library, open, .. } = &start.search;
+    let wheels = strongest(start, question.track_width.is_none())?;
+    let scene = Scene::new(setting.data, question.model, wheels.track_width, wheels.radius, headings);
+    let round: Vec<usize> = (0..library.len()).filter(|i| !open.contains(i) && library[*i].inapplicable(&scene).is_none()).collect();
+    let round = evidence(start, &scene, round);
+    (round > DECISIVE && round > evidence_at_first(start) + DECISIVE).then_some(wheels)
+}
+
+/// The wheels of the strongest line beside the base model, if there is one; `any_track` if the track may be another than the scene's.
+fn strongest(start: &Surroundings<'_>, any_track: bool) -> Option<Wheels> {
     let course = Course::of(start)?;
     let half_tracks = if any_track { course.half_tracks() } else { vec![start.search.setting.scene.frame.half_track()] };
     let waves = Waves::of(&course);

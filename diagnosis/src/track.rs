@@ -37,7 +37,7 @@ pub(crate) fn likeliest(question: &Question<'_>, start: &Surroundings<'_>, headi
     if !matches!(setting.scene.frame, Frame::Body { .. }) {
         return None;
     }
-    let state = State { effects: Vec::new(), fit: start.base.clone() };
+    let state = start.plain();
     let scene = |width: f64| Scene::new(setting.data, question.model, width, question.wheel_radius, headings);
     // Where nothing is promised at the ordinary width nothing is missing.
     let screened_ordinary = start.search.screen(&state, &start.whitening, &start.responses);
@@ -52,13 +52,7 @@ pub(crate) fn likeliest(question: &Question<'_>, start: &Surroundings<'_>, headi
         promised.extend(promises(&search, width, &screened(start, &search, &state).1));
     }
     promised.sort_by(|a, b| b.value.total_cmp(&a.value));
-    let evidence = |effect: usize, width: f64| {
-        let scene = scene(width);
-        let search = search(start, &scene, vec![effect]);
-        let (responses, screened) = screened(start, &search, &state);
-        let refined = search.refine(&state, &start.whitening, &screened, &responses, &Field::open(0.0));
-        refined.first().map_or(f64::NEG_INFINITY, |best| best.score)
-    };
+    let evidence = |effect: usize, width: f64| evidence(start, &scene(width), vec![effect]);
     let mut named = Vec::new();
     promised.retain(|p| {
         let name = start.search.effect(p.effect).name();
@@ -75,6 +69,24 @@ pub(crate) fn likeliest(question: &Question<'_>, start: &Surroundings<'_>, headi
         }
     }
     (best.1 > ordinary + DECISIVE).then_some(best.0)
+}
+
+/// The evidence for the best of some effects in a scene, beside the base model alone.
+pub(crate) fn evidence(start: &Surroundings<'_>, scene: &Scene, open: Vec<usize>) -> f64 {
+    let search = search(start, scene, open);
+    let (responses, screened) = screened(start, &search, &start.plain());
+    best(&search, start, &responses, &screened)
+}
+
+/// The same of all effects in the scene where they were looked at first.
+pub(crate) fn evidence_at_first(start: &Surroundings<'_>) -> f64 {
+    let screened = start.search.screen(&start.plain(), &start.whitening, &start.responses);
+    best(&start.search, start, &start.responses, &screened)
+}
+
+fn best(search: &Search<'_>, start: &Surroundings<'_>, responses: &[Response], screened: &[Vec<Candidate>]) -> f64 {
+    let refined = search.refine(&start.plain(), &start.whitening, screened, responses, &Field::open(0.0));
+    refined.first().map_or(f64::NEG_INFINITY, |best| best.score)
 }
 
 /// What an effect promises at a width, less what it costs.
