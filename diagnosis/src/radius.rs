@@ -34,6 +34,8 @@ const MOST: usize = 256;
 const SEEN: f64 = 4.0;
 /// Places in the shortest wave.
 const FINE: f64 = 12.0;
+/// Most places along a way.
+const LONGEST: f64 = 1e6;
 /// Wave numbers between two that tell different things.
 const DENSE: f64 = 4.0;
 /// Chance that noise shows a line.
@@ -79,7 +81,7 @@ pub(crate) fn shown(question: &Question<'_>, start: &Surroundings<'_>, headings:
 fn strongest(start: &Surroundings<'_>, any_track: bool) -> Option<Wheels> {
     let course = Course::of(start)?;
     let half_tracks = if any_track { course.half_tracks() } else { vec![start.search.setting.scene.frame.half_track()] };
-    let waves = Waves::of(&course);
+    let waves = Waves::of(&course)?;
     let looks = (2 * half_tracks.len()) as f64 * waves.independent();
     let mut planner = FftPlannerScalar::new();
     let mut best: Option<Line> = None;
@@ -199,14 +201,20 @@ struct Waves {
 }
 
 impl Waves {
-    fn of(course: &Course) -> Self {
+    /// None where samples are too far apart for any wheel, or the way is absurd.
+    fn of(course: &Course) -> Option<Self> {
         let highest = (1.0 / RADII.0).min(TAU / (SEEN * course.step));
         let grid = TAU / (FINE * highest);
-        let places = ((DENSE * course.reach / grid) as usize).next_power_of_two();
+        let length = DENSE * course.reach / grid;
+        if !(1.0..=LONGEST).contains(&length) {
+            return None;
+        }
+        let places = (length as usize).next_power_of_two();
         let lowest = TAU / (grid * places as f64);
         let slowest = (1.0 / RADII.1).max(WANDER * TAU / course.reach);
         let last = ((highest / lowest) as usize).min(places / 2);
-        Self { grid, places, first: ((slowest / lowest).ceil() as usize).clamp(1, last), last, lowest }
+        let first = ((slowest / lowest).ceil() as usize).max(1);
+        (first < last).then_some(Self { grid, places, first, last, lowest })
     }
 
     /// Wave numbers that tell different things.
@@ -234,5 +242,19 @@ impl Waves {
         near.sort_by(|a, b| power[*a].total_cmp(&power[*b]));
         let usual = near.get(near.len() * 9 / 10).map_or(0.0, |k| power[*k]);
         own.into_iter().any(|k| power[k] > CONTRAST * usual)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{Course, Frame, Waves};
+
+    #[test]
+    fn where_no_wheel_could_show_none_is_sought() {
+        let of = |reach: f64, step: f64| Waves::of(&Course { rows: Vec::new(), frame: Frame::Channels, reach, swing: 0.0, step });
+        assert!(of(50.0, 0.01).is_some_and(|waves| waves.first < waves.last && waves.last < waves.places));
+        for (reach, step) in [(0.2, 10.0), (50.0, 30.0), (1e300, 0.01), (f64::INFINITY, 0.01), (f64::NAN, 0.01)] {
+            assert!(of(reach, step).is_none(), "{reach} {step}");
+        }
     }
 }
