@@ -1,0 +1,143 @@
+//! Each member's place is contested: another effect may explain more in it, or none may be needed there.
+
+use super::{COMPARING, EXCHANGE, FINAL, MOST, Rival, SHARE, Search, Selected, State};
+use crate::adequacy::{Jitter, jittered};
+use crate::comparison::Comparison;
+use crate::fit::search::{Fit, left};
+use crate::fit::setting::Setting;
+use crate::race::{Field, Refined, distinct};
+use crate::screen::{Candidate, Response};
+
+impl<'a> Search<'a> {
+    /// The members after another has joined, each contested by what could stand in its place. For the newest that has just been seen; but what
+    /// was seen for the first was seen beside a base model that bends to what is missing.
+    pub(super) fn contest(&self, selected: &mut Selected, first: &[Response]) {
+        let before = selected.state.effects.clone();
+        let seen = selected.rivals.pop();
+        if before.len() > self.fixed(selected) + 1 {
+            return self.exchange(selected, first, seen);
+        }
+        self.exchange(selected, first, None);
+        let Some(rivals) = selected.rivals.last_mut().filter(|_| selected.state.effects == before) else { return };
+        // No look at a rival is worth more than another: the one counts in which it comes nearer.
+        for rival in seen.into_iter().flatten() {
+            match rivals.iter_mut().find(|known| known.effect == rival.effect) {
+                Some(known) if known.gap <= rival.gap => {}
+                Some(known) => *known = rival,
+                None => rivals.push(rival),
+            }
+        }
+    }
+
+    /// Drops each member in turn and takes the best replacement if it gains; keeps the others as rivals. Those of the newest member need not be
+    /// sought if they are known, as long as nothing else changes.
+    pub(crate) fn exchange(&self, selected: &mut Selected, first: &[Response], mut newest: Option<Vec<Rival>>) {
+        let fixed = self.fixed(selected);
+        let mut member = fixed;
+        let mut exchanged = 0;
+        selected.rivals = vec![Vec::new(); fixed];
+        while member < selected.state.effects.len() && !self.setting.exhausted() {
+            if let Some(rivals) = newest.take_if(|_| member + 1 == selected.state.effects.len()) {
+                selected.rivals.push(rivals);
+                break;
+            }
+            let (rest, refined) = self.replacements(selected, member, first);
+            let present = self.present(selected, &rest, member);
+            let before = rest.fit.likelihood(&self.setting);
+            let scores = self.scores(&refined, std::slice::from_ref(&present), before);
+            let refined = distinct(refined, scores);
+            let better = refined.first().filter(|b| b.score > present.score + EXCHANGE);
+            let simpler = || refined.iter().find(|candidate| self.no_more(&present, candidate, before));
+            let better = better.or_else(simpler).filter(|_| exchanged < MOST);
+            let replaced = better.and_then(|best| self.replaced(selected, &rest, best));
+            exchanged += usize::from(replaced.is_some());
+            if let Some(next) = replaced.or_else(|| self.pruned(selected, &rest, present.score)) {
+                *selected = next;
+                selected.rivals = vec![Vec::new(); fixed];
+                newest = None;
+                member = fixed;
+                continue;
+            }
+            selected.rivals.push(self.beside(&rest, &refined, selected.state.effects[member], present.score));
+            member += 1;
+        }
+        selected.rivals.resize(selected.state.effects.len(), Vec::new());
+    }
+
+    /// The model without a member, and what could take its place.
+    fn replacements(&self, selected: &Selected, member: usize, first: &[Response]) -> (State, Vec<Refined>) {
+        let base = || State { effects: Vec::new(), fit: selected.base.clone() };
+        let Some(rest) = self.without(selected, member) else { return (base(), Vec::new()) };
+        let responses = self.responses_beside(&rest, selected, first);
+        let dropped = selected.state.effects[member];
+        let screened = self.screen(&rest, &selected.whitening, &responses);
+        let others: Vec<Vec<Candidate>> = screened.into_iter().filter(|c| c[0].effect != dropped).collect();
+        let unbent = self.unbent(&selected.state, member);
+        let gain = self.gain(&selected.state.fit, &rest);
+        let field = Field::contest(&unbent, gain, selected.gained(&self.setting, &rest.fit));
+        let refined = self.refine(&rest, &selected.whitening, &others, &responses, &field);
+        (rest, refined)
+    }
+
+    /// The selection with a replacement, under the noise that it leaves.
+    fn replaced(&self, selected: &Selected, rest: &State, best: &Refined) -> Option<Selected> {
+        let effects = rest.and(best.effect);
+        let noise = self.noise_of(&effects, &best.fit, &selected.whitening)?;
+        let (whitening, fit) = self.under(&effects, &best.fit, &noise, FINAL)?;
+        let (_, base) = self.under(&[], &selected.base, &noise, COMPARING)?;
+        Some(Selected { state: State { effects, fit }, whitening, base, rivals: Vec::new(), ranking: selected.ranking.clone() })
+    }
+
+    /// A member as it stands beside the candidates for its place.
+    fn present(&self, selected: &Selected, rest: &State, member: usize) -> Refined {
+        let fit = selected.state.fit.clone();
+        let (freedom, score) = self.beyond(&selected.state.effects, &fit, rest);
+        Refined { effect: selected.state.effects[member], fit, freedom, score }
+    }
+
+    /// The selection without a member that the others have made superfluous: what it adds to them is not worth its parameters, or only the
+    /// imperfect form of theirs.
+    fn pruned(&self, selected: &Selected, rest: &State, present: f64) -> Option<Selected> {
+        if selected.state.effects.len() < 2 || rest.effects.is_empty() {
+            return None;
+        }
+        let explained = selected.gained(&self.setting, &rest.fit);
+        let size = || self.sizeable(&selected.base, &rest.fit, &selected.state.fit, &selected.whitening.noise);
+        if present > 0.0 && (present >= SHARE * explained || size()) {
+            return None;
+        }
+        self.only(selected, rest)
+    }
+
+    /// How the stamps jitter beside a selection, if they do.
+    pub(crate) fn jitter(&self, selected: &Selected) -> Option<Jitter> {
+        self.jittered(selected, |jitter, _| jitter)
+    }
+
+    fn jittered<T>(&self, selected: &Selected, ask: impl FnOnce(Jitter, &Comparison<'_>) -> T) -> Option<T> {
+        let Setting { data, scene, layout, .. } = &self.setting;
+        let simulated = &selected.state.fit.simulated;
+        let rest = layout.series(&left(&self.setting, simulated));
+        jittered(data, scene, &layout.series(simulated), rest, &selected.whitening.noise, ask)
+    }
+
+    /// The selection, contested again under noise that is louder where the robot accelerates, if stamps jitter: there scatter makes evidence
+    /// for whatever acts while the robot accelerates.
+    pub(crate) fn unjittered(&self, selected: Selected, first: &[Response]) -> Selected {
+        let Selected { state, whitening, .. } = &selected;
+        if state.effects.len() == self.fixed(&selected) {
+            return selected;
+        }
+        let Some(factors) = self.jittered(&selected, |jitter, comparison| jitter.factors(comparison)) else { return selected };
+        let residual = left(&self.setting, &state.fit.simulated);
+        let noise = whitening.noise.evened(&residual, &self.setting.layout, &factors);
+        let under = |effects: &[usize], fit: &Fit, effort| self.under(effects, fit, &noise, effort);
+        let (Some((whitening, fit)), Some((_, base))) = (under(&state.effects, &state.fit, FINAL), under(&[], &selected.base, COMPARING))
+        else {
+            return selected;
+        };
+        let mut evened = Selected { state: State { effects: state.effects.clone(), fit }, whitening, base, ..selected };
+        self.exchange(&mut evened, first, None);
+        evened
+    }
+}

@@ -1,0 +1,96 @@
+//! What every effect would change beside a model, and what of that is worth a look.
+
+use std::borrow::Cow;
+
+use wheelwright_core::effect::{Effect, Stage};
+
+use super::{RESIMULATED, Search, Selected, State};
+use crate::fit::whitening::Whitening;
+use crate::race::even;
+use crate::screen::{Candidate, Current, Projected, Projection, Response, responses, responses_at};
+
+impl<'a> Search<'a> {
+    /// Raw responses of all effects that may join a model.
+    pub(crate) fn respond(&self, state: &State) -> Vec<Response> {
+        self.respond_of(&self.open, state)
+    }
+
+    /// The same of some of them.
+    pub(crate) fn respond_of(&self, indices: &[usize], state: &State) -> Vec<Response> {
+        let effects = self.effects(&state.effects);
+        let current = Current::new(&self.setting, &effects, &state.fit);
+        let may = |i: &&usize| self.joins(**i, &state.effects);
+        let library: Vec<(usize, &dyn Effect)> = indices.iter().filter(may).map(|i| (*i, self.effect(*i))).collect();
+        responses(&current, &library)
+    }
+
+    /// The effects that go round with something, if none of them was selected.
+    pub(crate) fn turning(&self, selected: &Selected) -> Vec<usize> {
+        let turns = |i: &usize| {
+            let start = self.effect(*i).starts(self.setting.scene).into_iter().next();
+            start.is_some_and(|start| self.effect(*i).turned(&start.values, 0, 0.0).is_some())
+        };
+        if selected.state.effects.iter().any(turns) { Vec::new() } else { self.open.iter().copied().filter(turns).collect() }
+    }
+
+    /// Responses about a model, of which `first` are those about the base model.
+    pub(super) fn responses_beside<'r>(&self, state: &State, selected: &Selected, first: &'r [Response]) -> Cow<'r, [Response]> {
+        match state.effects.is_empty() {
+            true => Cow::Borrowed(first),
+            false => Cow::Owned(self.respond_again(state, &selected.whitening, first, &selected.ranking)),
+        }
+    }
+
+    /// Responses about a model with effects. Those about the base model say which effects and starts are worth a look; these are
+    /// simulated anew beside the effects that the model has.
+    fn respond_again(&self, state: &State, whitening: &Whitening, first: &[Response], ranking: &[(usize, f64)]) -> Vec<Response> {
+        let effects = self.effects(&state.effects);
+        let screened = self.screen(state, whitening, first);
+        let current = Current::new(&self.setting, &effects, &state.fit);
+        let of = |candidates: &Vec<Candidate>| {
+            let starts = candidates.iter().take(RESIMULATED.1).map(|c| first[c.response].start.clone()).collect();
+            responses_at(&current, candidates[0].effect, self.effect(candidates[0].effect), starts)
+        };
+        // What a loop promised beside the base model says nothing of what it does beside another: it is always among them.
+        let closes = |c: &Vec<Candidate>| self.effect(c[0].effect).stage() == Stage::Loop;
+        let loops = screened.iter().filter(|c| closes(c)).flat_map(|c| {
+            let even = self.effect(c[0].effect).starts(self.setting.scene).into_iter().filter(even).collect();
+            responses_at(&current, c[0].effect, self.effect(c[0].effect), even)
+        });
+        // Nor does it of what has to do with what was found: what had evidence by itself is among them too.
+        let open = |c: &&Vec<Candidate>| !closes(c);
+        let alone = ranking.iter().filter(|(_, score)| *score > 0.0).filter_map(|(i, _)| screened.iter().find(|c| c[0].effect == *i));
+        let alone: Vec<_> = alone.filter(open).filter(self.few()).take(RESIMULATED.0 / 2).collect();
+        let others = |c: &&Vec<Candidate>| open(c) && alone.iter().all(|a| a[0].effect != c[0].effect);
+        let beside = screened.iter().filter(others).filter(self.few()).take(RESIMULATED.0 - alone.len());
+        alone.iter().copied().chain(beside).flat_map(of).chain(loops).collect()
+    }
+
+    /// Every effect of no family that the model has already, at all its starts; best effect and best start first.
+    pub(crate) fn screen(&self, state: &State, whitening: &Whitening, responses: &[Response]) -> Vec<Vec<Candidate>> {
+        let projection = self.projection(state, whitening);
+        let mut by_effect: Vec<Vec<Candidate>> = Vec::new();
+        let mut known = Projected::default();
+        for (index, response) in responses.iter().enumerate().filter(|(_, r)| self.joins(r.effect, &state.effects)) {
+            if by_effect.last().is_none_or(|c| c[0].effect != response.effect) {
+                known = Projected::default();
+            }
+            let candidate = projection.candidate(index, response, &mut known);
+            match by_effect.last_mut().filter(|c| c[0].effect == response.effect) {
+                Some(same) => same.push(candidate),
+                None => by_effect.push(vec![candidate]),
+            }
+        }
+        by_effect.iter_mut().for_each(|c| c.sort_by(|a, b| self.value(b).total_cmp(&self.value(a))));
+        by_effect.sort_by(|a, b| self.value(&b[0]).total_cmp(&self.value(&a[0])));
+        by_effect
+    }
+
+    pub(crate) fn projection<'p>(&'p self, state: &'p State, whitening: &'p Whitening) -> Projection<'p, 'a> {
+        Projection::new(&self.setting, whitening, &state.fit, &self.parameters(&state.effects))
+    }
+
+    fn value(&self, candidate: &Candidate) -> f64 {
+        candidate.gain - candidate.freedom as f64 * self.log_values()
+    }
+}

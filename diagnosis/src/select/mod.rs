@@ -1,0 +1,299 @@
+//! Selection: effects are added one after the other while the evidence asks for it, and exchanged where another does better.
+//!
+//! The score of an addition is the extended Bayesian information criterion (Chen and Chen, Biometrika 95, 2008):
+//! gain − df ln N − 2 ln(size of the library), the gain twice a log-likelihood under noise that is whitened, df by numerical rank. A
+//! parameter that has a usual value counts for as much of one as the data tell more of it than that: its part of the evidence is
+//! ln(1 + (spread/standard error)²), by Laplace's approximation.
+
+mod contest;
+mod look;
+mod refit;
+mod settle;
+
+use wheelwright_core::effect::{Effect, EffectParameter};
+
+use crate::diagnose::Known;
+use crate::fit::algebra::Directions;
+use crate::fit::search::{Effort, Fit};
+use crate::fit::setting::{Point, Runner, Setting};
+use crate::fit::whitening::Whitening;
+use crate::noise::Noise;
+use crate::question::DiagnosisError;
+use crate::race::{Field, Refined};
+use crate::screen::{Candidate, Response};
+
+/// Most effects of one explanation.
+const MOST: usize = 3;
+/// The same where an effect is found part by part, one side or axis after the other.
+const MOST_PARTS: usize = 2 * MOST;
+/// Effects, and starts of each, that are simulated again beside the effects of a model.
+const RESIMULATED: (usize, usize) = (24, 3);
+/// Share of what the first effects explain that a further one must add: less is the imperfect form of the first.
+pub(crate) const SHARE: f64 = 0.02;
+/// Noise whose past tells a third of its variance could as well be motion.
+const COLOURED: f64 = 1.2;
+/// What an exchange must gain, so that it is no toss of a coin.
+pub(crate) const EXCHANGE: f64 = 2.0;
+
+/// Share of a parameter that must lie in directions the data tell, for an interval to mean anything.
+pub(crate) const TOLD: f64 = 0.9;
+
+/// Refinement of what is reported.
+pub(crate) const FINAL: Effort = Effort { trials: 20, worthwhile: 0.01, target: f64::NEG_INFINITY };
+/// Refinement of a fit that only has to be compared.
+pub(crate) const COMPARING: Effort = Effort { trials: 10, worthwhile: 0.1, target: f64::NEG_INFINITY };
+
+/// A model with effects under a noise model.
+#[derive(Debug, Clone)]
+pub(crate) struct State {
+    /// Indices in the library, in the order in which they were added.
+    pub(crate) effects: Vec<usize>,
+    pub(crate) fit: Fit,
+}
+
+impl State {
+    /// Its effects and one more, which stands last.
+    pub(crate) fn and(&self, effect: usize) -> Vec<usize> {
+        self.effects.iter().copied().chain([effect]).collect()
+    }
+}
+
+/// An explanation in which another effect takes a member's place.
+#[derive(Debug, Clone)]
+pub(crate) struct Rival {
+    /// Index of the other effect.
+    pub(crate) effect: usize,
+    pub(crate) state: State,
+    /// By how much its penalised score is worse.
+    pub(crate) gap: f64,
+}
+
+/// The search's fixed surroundings.
+pub(crate) struct Search<'a> {
+    pub(crate) setting: Setting<'a>,
+    pub(crate) library: &'a [Box<dyn Effect>],
+    /// Indices of the effects that apply.
+    pub(crate) open: Vec<usize>,
+    /// An effect that is known from beside the model's channels: a member from the first, behind the library in number.
+    pub(crate) known: Option<&'a Known>,
+}
+
+/// What selection ended with.
+pub(crate) struct Selected {
+    pub(crate) state: State,
+    pub(crate) whitening: Whitening,
+    /// The base fit under the same noise.
+    pub(crate) base: Fit,
+    /// By member: every effect that was fitted in its place, and by how much its penalised score is worse than the member's.
+    pub(crate) rivals: Vec<Vec<Rival>>,
+    /// Every effect that was screened on the base model: index, penalised gain, best first. Refined gains where they were refined.
+    pub(crate) ranking: Vec<(usize, f64)>,
+}
+
+impl Selected {
+    /// Log-likelihood that a fit under the same noise gains on the base model alone.
+    pub(crate) fn gained(&self, setting: &Setting<'_>, fit: &Fit) -> f64 {
+        fit.likelihood(setting) - self.base.likelihood(setting)
+    }
+}
+
+/// Whether noise is so coloured that a misfit could hide in it.
+fn coloured(noise: &Noise) -> bool {
+    noise.deviation.iter().zip(&noise.innovation).any(|(all, new)| *all > COLOURED * new)
+}
+
+/// Whether one family is the other or a part of it.
+fn related(a: &str, b: &str) -> bool {
+    a.split('/').zip(b.split('/')).all(|(a, b)| a == b)
+}
+
+impl<'a> Search<'a> {
+    /// ln N, N the values that are explained.
+    pub(crate) fn log_values(&self) -> f64 {
+        self.setting.layout.values().ln()
+    }
+
+    /// Penalty of an addition with so many degrees of freedom.
+    pub(crate) fn penalty(&self, freedom: f64) -> f64 {
+        freedom.max(1.0) * self.log_values() + 2.0 * (self.open.len().max(1) as f64).ln()
+    }
+
+    /// Degrees of freedom of a model.
+    pub(crate) fn freedom(&self, effects: &[usize], fit: &Fit) -> f64 {
+        let directions = Directions::of(&fit.information(&self.setting));
+        let (covariance, told) = (directions.inverse(), directions.visibility());
+        let first = self.setting.free();
+        let known = self.parameters(effects).into_iter().enumerate().filter_map(|(k, p)| p.usual.map(|(_, spread)| (first + k, spread)));
+        let spare = |(j, spread): (usize, f64)| {
+            let own = (spread * spread / covariance[(j, j)]).ln_1p() / self.log_values();
+            if told[j] > TOLD { (1.0 - own).max(0.0) } else { 0.0 }
+        };
+        directions.rank() as f64 - known.map(spare).sum::<f64>()
+    }
+
+    pub(crate) fn effect(&self, index: usize) -> &'a dyn Effect {
+        match self.known {
+            Some((effect, _)) if index >= self.library.len() => &**effect,
+            _ => &*self.library[index],
+        }
+    }
+
+    pub(crate) fn effects(&self, indices: &[usize]) -> Vec<&'a dyn Effect> {
+        indices.iter().map(|i| self.effect(*i)).collect()
+    }
+
+    pub(crate) fn parameters(&self, indices: &[usize]) -> Vec<EffectParameter> {
+        indices.iter().flat_map(|i| self.effect(*i).parameters(self.setting.scene)).collect()
+    }
+
+    pub(crate) fn runner(&self, indices: &[usize], at: &Point) -> Option<Runner<'_, 'a>> {
+        Runner::new(&self.setting, &self.effects(indices), at).ok()
+    }
+
+    /// Whether an effect may stand beside others: none of them is of its family.
+    fn joins(&self, effect: usize, members: &[usize]) -> bool {
+        members.iter().all(|m| !related(self.effect(*m).family(), self.effect(effect).family()))
+    }
+
+    /// How many causes a model has: parts of one, a side or an axis each, count once.
+    fn causes(&self, members: &[usize]) -> usize {
+        let mut names: Vec<&str> = members.iter().map(|m| self.effect(*m).name()).collect();
+        names.sort_unstable();
+        names.dedup();
+        names.len()
+    }
+
+    /// Whether a selection has room for no further cause, or the search is at its limit.
+    pub(crate) fn full(&self, selected: &Selected) -> bool {
+        self.causes(&selected.state.effects) >= MOST || self.setting.exhausted()
+    }
+
+    /// The selection with the best of some effects, if any holds its evidence beside it.
+    pub(crate) fn joined(&self, selected: &Selected, responses: &[Response]) -> Option<Selected> {
+        self.round(selected, responses).1
+    }
+
+    /// Adds effects to the base while they are worth it.
+    pub(crate) fn run(
+        &self,
+        base: State,
+        known: Option<State>,
+        whitening: Whitening,
+        first: &[Response],
+    ) -> Result<Selected, DiagnosisError> {
+        let mut selected =
+            Selected { base: base.fit.clone(), state: known.unwrap_or(base), whitening, rivals: Vec::new(), ranking: Vec::new() };
+        selected.rivals.resize(self.fixed(&selected), Vec::new());
+        for depth in 0..MOST_PARTS {
+            if self.full(&selected) {
+                break;
+            }
+            let (ranking, mut joined) = self.round(&selected, first);
+            if depth == 0 {
+                selected.ranking = ranking;
+            }
+            if joined.is_none() && coloured(&selected.whitening.noise) && !self.setting.exhausted() {
+                joined = self.plainly(&selected).and_then(|plain| self.joined(&plain, first));
+            }
+            let Some(next) = joined else { break };
+            selected = Selected { ranking: selected.ranking, ..next };
+            self.contest(&mut selected, first);
+        }
+        Ok(selected)
+    }
+
+    /// What every effect is worth beside a model, and the model with the best that holds its evidence under the noise it leaves: a
+    /// candidate that loses it makes room for the next.
+    fn round(&self, selected: &Selected, first: &[Response]) -> (Vec<(usize, f64)>, Option<Selected>) {
+        let responses = self.responses_beside(&selected.state, selected, first);
+        let screened = self.screen(&selected.state, &selected.whitening, &responses);
+        let field = Field::open(selected.gained(&self.setting, &selected.state.fit));
+        let refined = self.refine(&selected.state, &selected.whitening, &screened, &responses, &field);
+        let joined = (0..refined.len().min(2)).filter(|i| refined[*i].score > 0.0).find_map(|i| self.join(selected, &refined, i));
+        (self.ranking(&screened, &refined), joined)
+    }
+
+    /// The same model under noise of no colour, for a second look: a misfit that remains passes for coloured noise, and that noise hides it.
+    /// What noise really is so coloured is found out when a candidate has to hold its evidence.
+    fn plainly(&self, selected: &Selected) -> Option<Selected> {
+        let noise = Noise::white(&self.setting.scene.scales.outputs, &self.setting.layout);
+        let effects = selected.state.effects.clone();
+        let (whitening, fit) = self.under(&effects, &selected.state.fit, &noise, COMPARING)?;
+        let (_, base) = self.under(&[], &selected.base, &noise, COMPARING)?;
+        Some(Selected {
+            state: State { effects, fit },
+            whitening,
+            base,
+            rivals: selected.rivals.clone(),
+            ranking: selected.ranking.clone(),
+        })
+    }
+
+    fn ranking(&self, screened: &[Vec<Candidate>], refined: &[Refined]) -> Vec<(usize, f64)> {
+        let screened = screened.iter().map(|c| (c[0].effect, c[0].gain - self.penalty(c[0].freedom as f64)));
+        let mut all: Vec<(usize, f64)> = refined.iter().map(|r| (r.effect, r.score)).collect();
+        all.extend(screened.filter(|(e, _)| !refined.iter().any(|r| r.effect == *e)).collect::<Vec<_>>());
+        all
+    }
+
+    /// Takes a candidate into the model if its evidence holds under the noise that it leaves itself. A misfit hides in the noise of
+    /// the model that lacks the effect, but noise cannot hide from the model that has it.
+    fn join(&self, selected: &Selected, refined: &[Refined], which: usize) -> Option<Selected> {
+        let candidate = &refined[which];
+        let effects = selected.state.and(candidate.effect);
+        let noise = self.noise_of(&effects, &candidate.fit, &selected.whitening)?;
+        let (whitening, with) = self.under(&effects, &candidate.fit, &noise, FINAL)?;
+        let (_, without) = self.under(&selected.state.effects, &selected.state.fit, &noise, COMPARING)?;
+        let likelihood = |f: &Fit| f.likelihood(&self.setting);
+        let gain = likelihood(&with) - likelihood(&without);
+        let score = gain - self.penalty(self.freedom(&effects, &with) - self.freedom(&selected.state.effects, &without));
+        let base = if selected.state.effects.is_empty() { without.clone() } else { self.under(&[], &selected.base, &noise, COMPARING)?.1 };
+        let explained = likelihood(&with) - likelihood(&base) - gain;
+        let matters = score >= SHARE * explained || self.sizeable(&base, &without, &with, &noise);
+        (score > 0.0 && matters).then(|| Selected {
+            state: State { effects, fit: with },
+            whitening,
+            base,
+            rivals: vec![self.beside(&selected.state, refined, candidate.effect, candidate.score)],
+            ranking: selected.ranking.clone(),
+        })
+    }
+
+    /// Whether a further effect takes a share worth naming off the misfit itself. Evidence says less of it where a misfit remains that
+    /// passes for coloured noise.
+    fn sizeable(&self, base: &Fit, without: &Fit, with: &Fit, noise: &Noise) -> bool {
+        let [base, without, with] = [base, without, with].map(|fit| self.misfit(fit, noise));
+        without - with >= SHARE * (base - without)
+    }
+
+    /// Sum of squares of what a fit leaves, outputs in units of their innovations.
+    fn misfit(&self, fit: &Fit, noise: &Noise) -> f64 {
+        let layout = &self.setting.layout;
+        let of = |c: usize, s: usize| layout.settled(c, s).map(|k| (self.setting.measured[k] - fit.simulated[k]).powi(2)).sum::<f64>();
+        let output = |c: usize| (0..layout.stretches()).map(|s| of(c, s)).sum::<f64>() / noise.innovation[c].powi(2);
+        (0..layout.outputs()).map(output).sum()
+    }
+
+    /// The refined effects other than the one that was taken, as rivals of it.
+    fn beside(&self, rest: &State, refined: &[Refined], taken: usize, score: f64) -> Vec<Rival> {
+        let others = refined.iter().filter(|r| r.effect != taken);
+        let joined = |r: &Refined| State { effects: rest.and(r.effect), fit: r.fit.clone() };
+        others.map(|r| Rival { effect: r.effect, state: joined(r), gap: score - r.score }).collect()
+    }
+
+    /// How many members are known and stay.
+    pub(crate) fn fixed(&self, selected: &Selected) -> usize {
+        selected.state.effects.iter().take_while(|i| **i >= self.library.len()).count()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::related;
+
+    #[test]
+    fn a_family_is_related_to_its_parts_and_they_are_not_to_each_other() {
+        assert!(related("slew_limit", "slew_limit/v") && related("slew_limit/v", "slew_limit") && related("friction", "friction"));
+        assert!(!related("slew_limit/v", "slew_limit/omega") && !related("friction", "slew_limit/v"));
+    }
+}

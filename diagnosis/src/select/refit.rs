@@ -1,0 +1,146 @@
+//! The model again: with fewer effects, from elsewhere, or under another noise.
+
+use super::{COMPARING, FINAL, Search, Selected, State, TOLD};
+use crate::fit::Fitted;
+use crate::fit::algebra::Directions;
+use crate::fit::base::renew;
+use crate::fit::search::{Effort, Fit, evaluate, maximise};
+use crate::fit::setting::Point;
+use crate::fit::whitening::Whitening;
+use crate::noise::Noise;
+
+impl<'a> Search<'a> {
+    /// Noise as a fit leaves it.
+    pub(crate) fn noise_of(&self, indices: &[usize], fit: &Fit, whitening: &Whitening) -> Option<Noise> {
+        let mut runner = self.runner(indices, &fit.point)?;
+        let mut residual = vec![0.0; self.setting.layout.len()];
+        if !runner.run(&fit.point.x, &fit.point.starts, &mut residual) {
+            return None;
+        }
+        residual.iter_mut().zip(&self.setting.measured).for_each(|(r, y)| *r = y - *r);
+        let taken = fit.rank(&self.setting) as f64 + whitening.taken();
+        Some(Noise::estimate(&residual, &self.setting.layout, taken, &self.setting.floor))
+    }
+
+    /// The fit from a point under a noise model.
+    pub(crate) fn at(&self, indices: &[usize], point: Point, noise: &Noise) -> Option<(Whitening, Fit)> {
+        let mut runner = self.runner(indices, &point)?;
+        let mut simulated = vec![0.0; self.setting.layout.len()];
+        if !runner.run(&point.x, &point.starts, &mut simulated) {
+            return None;
+        }
+        let whitening = Whitening::new(noise.clone(), &self.setting.layout, &mut runner, &point, &simulated);
+        let fit = evaluate(&self.setting, &mut runner, &whitening, &point)?;
+        let fit = maximise(&self.setting, &mut runner, &whitening, fit, COMPARING, false);
+        Some((whitening, fit))
+    }
+
+    /// A fit under another noise model.
+    pub(crate) fn under(&self, indices: &[usize], fit: &Fit, noise: &Noise, effort: Effort) -> Option<(Whitening, Fit)> {
+        let mut runner = self.runner(indices, &fit.point)?;
+        renew(&self.setting, &mut runner, noise.clone(), fit, effort)
+    }
+
+    /// The model without each of its members.
+    pub(super) fn rests(&self, selected: &Selected) -> Vec<Option<State>> {
+        (0..selected.state.effects.len()).map(|member| self.without(selected, member)).collect()
+    }
+
+    /// The selection with fewer members, fitted to the end under the same noise.
+    pub(crate) fn only(&self, selected: &Selected, rest: &State) -> Option<Selected> {
+        let (whitening, fit) = self.under(&rest.effects, &rest.fit, &selected.whitening.noise, FINAL)?;
+        let state = State { effects: rest.effects.clone(), fit };
+        Some(Selected { state, whitening, base: selected.base.clone(), rivals: Vec::new(), ranking: selected.ranking.clone() })
+    }
+
+    /// The model without one of its effects, refitted under the same noise.
+    pub(crate) fn without(&self, selected: &Selected, member: usize) -> Option<State> {
+        self.keeping(selected, &|i| i != member)
+    }
+
+    /// The model with some of its effects, refitted under the same noise.
+    pub(crate) fn keeping(&self, selected: &Selected, keep: &dyn Fn(usize) -> bool) -> Option<State> {
+        let state = &selected.state;
+        let kept: Vec<usize> = (0..state.effects.len()).filter(|i| keep(*i)).collect();
+        let effects: Vec<usize> = kept.iter().map(|i| state.effects[*i]).collect();
+        if effects.is_empty() {
+            return Some(State { effects, fit: selected.base.clone() });
+        }
+        if effects.len() == state.effects.len() {
+            return Some(state.clone());
+        }
+        let unknowns: Vec<usize> = self.unknowns(state, keep).collect();
+        let x = unknowns.iter().map(|j| state.fit.point.x[*j]).collect();
+        let point = Point { x, starts: state.fit.point.starts.clone() };
+        let mut runner = self.runner(&effects, &point)?;
+        let mut fit = evaluate(&self.setting, &mut runner, &selected.whitening, &point)?;
+        fit.columns = unknowns.iter().map(|j| state.fit.columns[*j].clone()).collect();
+        let fit = maximise(&self.setting, &mut runner, &selected.whitening, fit, COMPARING, true);
+        Some(State { effects, fit })
+    }
+
+    /// The model's unknowns as they are beside one of its effects.
+    pub(super) fn unbent(&self, state: &State, member: usize) -> Vec<f64> {
+        self.unknowns(state, &|i| i != member).map(|j| state.fit.point.x[j]).collect()
+    }
+
+    /// Indices of the unknowns of a model that stay if some of its effects do.
+    pub(crate) fn unknowns(&self, state: &State, keep: &dyn Fn(usize) -> bool) -> impl Iterator<Item = usize> + use<> {
+        let free = self.setting.free();
+        let mut all: Vec<usize> = (0..free).collect();
+        let mut at = free;
+        for (i, index) in state.effects.iter().enumerate() {
+            let n = self.effect(*index).parameters(self.setting.scene).len();
+            if keep(i) {
+                all.extend(at..at + n);
+            }
+            at += n;
+        }
+        all.into_iter()
+    }
+
+    /// A state in the form that others work with.
+    pub(crate) fn fitted(&self, state: &State) -> Fitted<'a> {
+        let free = self.setting.free();
+        let x = &state.fit.point.x;
+        let effects = self.effects(&state.effects);
+        let mut at = free;
+        let values = effects.iter().map(|e| {
+            let n = e.parameters(self.setting.scene).len();
+            at += n;
+            x[at - n..at].to_vec()
+        });
+        let information = state.fit.information(&self.setting);
+        let directions = Directions::of(&information);
+        let (mut covariance, told) = (directions.inverse(), directions.visibility());
+        (0..told.len()).filter(|j| told[*j] < TOLD).for_each(|j| covariance[(j, j)] = f64::INFINITY);
+        Fitted {
+            values: values.collect(),
+            effects,
+            free: x[..free].to_vec(),
+            theta: self.setting.map.theta(&x[..free]),
+            initial: state.fit.point.starts.clone(),
+            simulated: self.setting.layout.series(&state.fit.simulated),
+            likelihood: state.fit.likelihood(&self.setting),
+            rank: directions.rank(),
+            information,
+            covariance,
+        }
+    }
+
+    /// Penalised gain of a member on top of the others.
+    pub(crate) fn worth(&self, selected: &Selected, rest: &State) -> f64 {
+        self.beyond(&selected.state.effects, &selected.state.fit, rest).1
+    }
+
+    /// What a fit gains on another model under the same noise, in twice the log-likelihood.
+    pub(crate) fn gain(&self, fit: &Fit, rest: &State) -> f64 {
+        fit.likelihood(&self.setting) - rest.fit.likelihood(&self.setting)
+    }
+
+    /// Degrees of freedom that a model has beyond another, and its penalised gain.
+    pub(crate) fn beyond(&self, effects: &[usize], fit: &Fit, rest: &State) -> (f64, f64) {
+        let freedom = self.freedom(effects, fit) - self.freedom(&rest.effects, &rest.fit);
+        (freedom, self.gain(fit, rest) - self.penalty(freedom))
+    }
+}

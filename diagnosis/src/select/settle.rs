@@ -1,0 +1,182 @@
+//! What selection ends with: no member that is worth nothing, each by the name of what it is, and beside it what is the same under every drive.
+
+use wheelwright_core::effect::{Effect, EffectParameter};
+
+use super::{EXCHANGE, Rival, SHARE, Search, Selected, State};
+use crate::answer::always;
+use crate::race::Refined;
+
+/// A member's rivals, and those of the others.
+fn others(selected: &mut Selected, member: usize) -> (Vec<Rival>, Vec<Vec<Rival>>) {
+    let mut rivals = std::mem::take(&mut selected.rivals);
+    rivals.resize(selected.state.effects.len(), Vec::new());
+    (rivals.remove(member), rivals)
+}
+
+impl<'a> Search<'a> {
+    /// The selection without members that are worth nothing once all is fitted to the end: a place was contested under other noise, or with others beside
+    /// it. And what it is without each that stays.
+    pub(crate) fn settled(&self, selected: Selected) -> (Selected, Vec<Option<State>>) {
+        let mut selected = self.named(selected);
+        let (mut member, mut rests) = (self.fixed(&selected), self.rests(&selected));
+        while member < selected.state.effects.len() {
+            let rest = rests[member].as_ref().filter(|rest| self.worth(&selected, rest) <= 0.0);
+            match rest.and_then(|rest| self.only(&selected, rest)) {
+                Some(fewer) => {
+                    let (_, rivals) = others(&mut selected, member);
+                    selected = Selected { rivals, ..fewer };
+                    rests = self.rests(&selected);
+                }
+                None => member += 1,
+            }
+        }
+        (selected, rests)
+    }
+
+    /// The selection with its members by the names of what they are: of a law that one contains, where that explains as much from where the
+    /// member is. A contest may have been left before it saw that, or begun too far away.
+    fn named(&self, mut selected: Selected) -> Selected {
+        for member in (self.fixed(&selected)..selected.state.effects.len()).rev() {
+            let Some(narrow) = self.narrowed(&selected, member) else { continue };
+            let (mut own, mut rivals) = others(&mut selected, member);
+            own.retain(|r| Some(&r.effect) != narrow.state.effects.last());
+            // The one that came in stands last.
+            rivals.push(own);
+            selected = Selected { rivals, ..narrow };
+        }
+        selected
+    }
+
+    /// The selection with a narrower law in the place of a member, if it is all that the member is.
+    fn narrowed(&self, selected: &Selected, member: usize) -> Option<Selected> {
+        let wide = self.effect(selected.state.effects[member]);
+        let values = &self.fitted(&selected.state).values[member];
+        let name = wide.narrower(values, self.setting.scene);
+        let within = |i: &&usize| {
+            let narrow = self.effect(**i).name();
+            narrow != wide.name() && (name == Some(narrow) || wide.contains().contains(&narrow))
+        };
+        let narrow: Vec<usize> = self.open.iter().filter(within).copied().collect();
+        if narrow.is_empty() {
+            return None;
+        }
+        let (rest, z) = (self.without(selected, member)?, self.unbent(&selected.state, member));
+        let placed = |i: usize| {
+            let start = self.as_part_of(i, wide, values);
+            let starts = start.map(|values| vec![values]).or_else(|| (name == Some(self.effect(i).name())).then(|| self.starts(i)));
+            self.placed(i, starts.filter(|_| self.joins(i, &rest.effects))?, &z, selected, &rest)
+        };
+        let best = narrow.into_iter().filter_map(placed).max_by(|a, b| a.score.total_cmp(&b.score))?;
+        let state = State { effects: rest.and(best.effect), fit: best.fit };
+        let narrow = self.only(selected, &state)?;
+        let gain = self.gain(&narrow.state.fit, &rest);
+        (self.gain(&selected.state.fit, &rest) - gain <= EXCHANGE.max(SHARE * gain)).then_some(narrow)
+    }
+
+    /// Values from which an effect may start.
+    fn starts(&self, effect: usize) -> Vec<Vec<f64>> {
+        self.effect(effect).starts(self.setting.scene).into_iter().map(|start| start.values).collect()
+    }
+
+    /// An effect's values as those of a wider one have them, if it has all of them.
+    fn as_part_of(&self, effect: usize, wide: &dyn Effect, values: &[f64]) -> Option<Vec<f64>> {
+        let whole = wide.parameters(self.setting.scene);
+        let same = |p: &EffectParameter, own: &EffectParameter| p.name == own.name && (p.label.is_none() || p.label == own.label);
+        let of = |own: &EffectParameter| whole.iter().zip(values).find(|(p, _)| same(p, own)).map(|(_, v)| *v);
+        self.effect(effect).parameters(self.setting.scene).iter().map(of).collect()
+    }
+
+    /// Each member's rivals with those that are the same under every drive, which a race may have left behind.
+    pub(crate) fn twinned(&self, selected: &mut Selected, rests: &[Option<State>]) {
+        selected.rivals.resize(selected.state.effects.len(), Vec::new());
+        for (member, rest) in rests.iter().enumerate().skip(self.fixed(selected)) {
+            let Some(rest) = rest.as_ref().filter(|_| !self.setting.exhausted()) else { continue };
+            let found = selected.state.effects[member];
+            let known = |i: usize| selected.rivals[member].iter().any(|r| r.effect == i);
+            let same = |i: &&usize| always(self.effect(found), self.effect(**i)).is_some() && self.joins(**i, &rest.effects) && !known(**i);
+            let z = self.unbent(&selected.state, member);
+            let placed = |i: &usize| self.placed(*i, self.starts(*i), &z, selected, rest);
+            let twins: Vec<Refined> = self.open.iter().filter(same).filter_map(placed).collect();
+            let worth = self.worth(selected, rest);
+            selected.rivals[member].extend(self.beside(rest, &twins, found, worth));
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
+
+    use std::cell::OnceCell;
+
+    use wheelwright_core::ModelConfig;
+    use wheelwright_core::simulation::Readout;
+    use wheelwright_models::VwPdConfig;
+
+    use super::*;
+    use crate::diagnose::{Surroundings, setting, surroundings};
+    use crate::effects::{CommandDelay, CoulombFriction, QuadraticDrag, SensorDelay, StribeckFriction};
+    use crate::fit::search::evaluate;
+    use crate::fit::setting::Point;
+    use crate::fixture::{Case, NOISE, normal};
+    use crate::question::Question;
+
+    /// Hands a test a search in which the first effects of a library were selected, and nothing is known of rivals.
+    fn with_selected(case: &Case, library: &[Box<dyn Effect>], members: usize, test: impl FnOnce(&Search<'_>, Selected)) {
+        let (model, course) = (VwPdConfig::default().build().unwrap(), OnceCell::new());
+        let question = Question::new(&*model, &case.data, library);
+        let start = surroundings(setting(&question, &case.data, &case.scene, Readout::Instantaneous), &question, &course).unwrap();
+        let Surroundings { search, whitening, base, .. } = start;
+        let values = library[..members].iter().flat_map(|effect| effect.starts(&case.scene).remove(0).values);
+        let point = Point { x: base.point.x.iter().copied().chain(values).collect(), starts: base.point.starts.clone() };
+        let effects: Vec<usize> = (0..members).collect();
+        let (whitening, fit) = search.at(&effects, point, &whitening.noise).unwrap();
+        let state = State { effects, fit };
+        test(&search, Selected { state, whitening, base, rivals: vec![Vec::new(); members], ranking: Vec::new() });
+    }
+
+    #[test]
+    fn members_that_are_worth_nothing_go() {
+        let library: Vec<Box<dyn Effect>> = vec![Box::new(CoulombFriction::default()), Box::new(QuadraticDrag::default())];
+        with_selected(&Case::clean(5), &library, 2, |search, selected| {
+            let (settled, rests) = search.settled(selected);
+            assert_eq!((settled.state.effects.len(), settled.rivals.len(), rests.len()), (0, 0, 0));
+        });
+    }
+
+    #[test]
+    fn a_member_part_of_which_does_nothing_gets_the_name_of_what_it_is() {
+        let case = Case::new(8, |_, i, y, _, random| y - [0.02, 0.0][i] * (y / 0.005).tanh() + NOISE[i] * normal(random));
+        let library: Vec<Box<dyn Effect>> = vec![Box::new(StribeckFriction::default()), Box::new(CoulombFriction::default())];
+        with_selected(&case, &library, 1, |search, mut selected| {
+            let mut point = selected.state.fit.point.clone();
+            point.x[search.setting.free() + 1] = 0.0;
+            let mut runner = search.runner(&[0], &point).unwrap();
+            selected.state.fit = evaluate(&search.setting, &mut runner, &selected.whitening, &point).unwrap();
+            let gain = |selected: &Selected| selected.gained(&search.setting, &selected.state.fit);
+            let wide = gain(&selected);
+            let (settled, _) = search.settled(selected);
+            assert_eq!((&settled.state.effects[..], settled.rivals.len()), (&[1][..], 1));
+            assert!(wide > 30.0 && gain(&settled) > wide - EXCHANGE, "{} of {wide}", gain(&settled));
+        });
+    }
+
+    #[test]
+    fn what_is_the_same_under_every_drive_is_a_rival_whatever_the_race_left() {
+        let mut case = Case::clean(6);
+        for stretch in &mut case.data.stretches {
+            stretch.outputs.iter_mut().for_each(|y| y.rotate_right(2));
+        }
+        let library: Vec<Box<dyn Effect>> =
+            vec![Box::new(SensorDelay::default()), Box::new(QuadraticDrag::default()), Box::new(CommandDelay::default())];
+        with_selected(&case, &library, 1, |search, selected| {
+            let (mut selected, rests) = search.settled(selected);
+            assert!((selected.state.fit.point.x[search.setting.free()] - 0.1).abs() < 0.005);
+            search.twinned(&mut selected, &rests);
+            let names: Vec<&str> = selected.rivals[0].iter().map(|r| search.effect(r.effect).name()).collect();
+            assert_eq!(names, ["command_delay"]);
+            let (gap, worth) = (selected.rivals[0][0].gap, search.worth(&selected, rests[0].as_ref().unwrap()));
+            assert!(gap.abs() < SHARE * worth, "{gap} of {worth}");
+        });
+    }
+}
