@@ -11,6 +11,9 @@ use crate::fit::layout::Layout;
 const LONGEST: usize = 8;
 /// Innovations beyond this many robust standard deviations weigh less. 2 keeps 99 % of the efficiency at the normal distribution.
 const HUBER: f64 = 2.0;
+/// Robust standard deviations beyond which a value tells nothing of how noise goes on: a normal distribution goes there once in 370 times. A robot
+/// that is stopped for a moment would otherwise make slow noise of all that is left.
+const ASTRAY: f64 = 3.0;
 /// Standard deviation over median magnitude of a normal distribution.
 const MEDIAN_TO_DEVIATION: f64 = 1.482_602_2;
 
@@ -91,15 +94,7 @@ impl Noise {
     /// Weights by the size of each innovation, and the innovations' deviation as the bulk shows it.
     fn weigh(&mut self, white: &[f64], layout: &Layout) {
         for c in 0..layout.outputs() {
-            let settled = (0..layout.stretches()).flat_map(|s| &white[layout.settled(c, s)]);
-            let mut sizes: Vec<f64> = settled.map(|x| x.abs()).collect();
-            let middle = sizes.len() / 2;
-            let median = *sizes.select_nth_unstable_by(middle, f64::total_cmp).1;
-            let spread = MEDIAN_TO_DEVIATION * median;
-            // More than half of the values exactly alike (a coarse lattice): the bulk has no spread to go by.
-            if spread < 0.1 {
-                continue;
-            }
+            let Some(spread) = spread((0..layout.stretches()).map(|s| &white[layout.settled(c, s)]), 1.0) else { continue };
             for s in 0..layout.stretches() {
                 let counted = self.weights[s][c].iter_mut().skip(layout.unsettled(s));
                 for (w, x) in counted.zip(&white[layout.settled(c, s)]) {
@@ -188,6 +183,23 @@ impl Noise {
     }
 }
 
+/// Sum of squares.
+fn squares(parts: &[&[f64]]) -> f64 {
+    parts.iter().copied().flatten().map(|x| x * x).sum()
+}
+
+/// Robust standard deviation of values whose root mean square is about `size`. `None` where more than half of them are exactly alike (a coarse
+/// lattice): the bulk has no spread to go by.
+fn spread<'v>(parts: impl Iterator<Item = &'v [f64]>, size: f64) -> Option<f64> {
+    let mut sizes: Vec<f64> = parts.flatten().map(|x| x.abs()).collect();
+    if sizes.is_empty() {
+        return None;
+    }
+    let middle = sizes.len() / 2;
+    let median = *sizes.select_nth_unstable_by(middle, f64::total_cmp).1;
+    Some(MEDIAN_TO_DEVIATION * median).filter(|spread| *spread >= 0.1 * size)
+}
+
 /// One row of the mixing of outputs, the last of `row` that is not zero its own.
 fn mix<'v>(row: &[f64], above: impl Iterator<Item = &'v [f64]>, own: &mut [f64]) {
     let above: Vec<&[f64]> = above.collect();
@@ -199,16 +211,19 @@ fn mix<'v>(row: &[f64], above: impl Iterator<Item = &'v [f64]>, own: &mut [f64])
 }
 
 impl Filter {
-    /// Yule-Walker over all stretches, by the Levinson recursion; the order by BIC with a doubled penalty. Returns the filter and
-    /// the variances of noise and innovation.
+    /// Yule-Walker over all stretches, by the Levinson recursion, values astray left out; the order by BIC with a doubled penalty. Returns the
+    /// filter and the variances of noise and innovation.
     fn estimate(parts: &[&[f64]], rows: usize, floor: f64) -> (Self, f64, f64) {
         let longest = LONGEST.min(rows / (10 * parts.len().max(1))).min(rows / 20);
-        let lagged = |lag: usize| parts.iter().map(|s| s.iter().zip(s.iter().skip(lag)).map(|(a, b)| a * b).sum::<f64>()).sum::<f64>();
-        let covariance: Vec<f64> = (0..=longest).map(|lag| lagged(lag) / rows as f64).collect();
         let white = Self { coefficients: vec![Vec::new()], gains: vec![1.0] };
-        if covariance[0].is_nan() || covariance[0] <= floor * floor {
-            return (white, covariance[0].max(0.0), covariance[0].max(0.0));
+        let variance = squares(parts) / rows as f64;
+        if variance.is_nan() || variance <= floor * floor {
+            return (white, variance.max(0.0), variance.max(0.0));
         }
+        let most = spread(parts.iter().copied(), variance.sqrt()).map_or(f64::INFINITY, |spread| ASTRAY * spread);
+        let bulk: Vec<Vec<f64>> = parts.iter().map(|part| part.iter().map(|x| if x.abs() > most { 0.0 } else { *x }).collect()).collect();
+        let lagged = |lag: usize| bulk.iter().map(|s| s.iter().zip(s.iter().skip(lag)).map(|(a, b)| a * b).sum::<f64>()).sum::<f64>();
+        let covariance: Vec<f64> = (0..=longest).map(|lag| lagged(lag) / rows as f64).collect();
         let (mut coefficients, mut variances) = (vec![Vec::new()], vec![covariance[0]]);
         for p in 1..=longest {
             let last: &Vec<f64> = &coefficients[p - 1];
@@ -228,7 +243,11 @@ impl Filter {
         let order = (0..variances.len()).fold(0, |best, p| if criterion(p) < criterion(best) { p } else { best });
         coefficients.truncate(order + 1);
         let gains = variances[..=order].iter().map(|v| (variances[order] / v).sqrt()).collect();
-        (Self { coefficients, gains }, covariance[0], variances[order])
+        let filter = Self { coefficients, gains };
+        let mut innovations: Vec<Vec<f64>> = parts.iter().map(|part| part.to_vec()).collect();
+        innovations.iter_mut().for_each(|part| filter.apply(part, 1.0));
+        let new: Vec<&[f64]> = innovations.iter().map(Vec::as_slice).collect();
+        (filter, variance, squares(&new) / rows as f64)
     }
 
     /// Turns noise into innovations in units of their standard deviation, in place.
@@ -284,6 +303,22 @@ mod tests {
         // Weights take a little of the tails of a normal distribution.
         assert!((0.9..1.02).contains(&variance) && neighbour.abs() < 0.05, "{variance} {neighbour}");
         assert!((noise.deviation[0] / noise.innovation[0] - 1.0 / 0.6).abs() < 0.15, "{noise:?}", noise = noise.deviation);
+    }
+
+    #[test]
+    fn a_robot_that_is_stopped_for_moments_makes_no_slow_noise() {
+        let case = Case::clean(1);
+        let layout = Layout::of(&case.data, &case.scene);
+        let mut residual = series(6, 0.0, &layout);
+        for start in (100..layout.rows() - 20).step_by(400) {
+            residual[start..start + 12].iter_mut().for_each(|x| *x -= 30.0);
+        }
+        let noise = Noise::estimate(&residual, &layout, 0.0, &[1e-9; 2]);
+        let (before, after) = (residual[105], {
+            noise.whiten_output(0, &mut residual[..layout.rows()]);
+            residual[105] * noise.innovation[0]
+        });
+        assert!(after < 0.9 * before, "{after} of {before}: the filter takes a stop for noise that goes on");
     }
 
     #[test]

@@ -116,7 +116,7 @@ impl Parts {
     }
 
     /// The number of a part's parameter, if the effect acts on the part.
-    fn parameter_of(self, part: usize) -> Option<usize> {
+    pub(super) fn parameter_of(self, part: usize) -> Option<usize> {
         match (self.cut, self.only) {
             (Cut::Channels, _) | (Cut::Axes(_), None) => Some(part),
             (Cut::Wheels(_), None) => Some(0),

@@ -1,7 +1,8 @@
 //! The command cannot change faster than a rate: |dU'/dt| ≤ a, on each axis, on one axis, or on each wheel.
 //!
-//! With `slowing`, |U'| falls at a rate of its own: drivers and motor controllers set acceleration and deceleration apart. A change of sign
-//! is slowed down to zero first and sped up from there.
+//! With `slowing`, |U'| falls at a rate of its own: drivers and motor controllers set acceleration and deceleration apart. Where the sign changes,
+//! it falls to zero first and grows from there; whether the way to zero is slowing down differs from one controller to the next, so that it has a
+//! rate too.
 
 use serde::{Deserialize, Serialize};
 use wheelwright_core::Effect;
@@ -28,6 +29,8 @@ pub struct SlewLimit {
 /// Rates that are tried where slowing down has its own, in sizes of the command a second, and how many times as fast it is.
 const SPEEDING: [f64; 5] = [0.25, 0.6, 1.5, 4.0, 10.0];
 const SLOWING: [f64; 2] = [0.5, 2.0];
+/// Names of the rates.
+const RATES: [&str; 3] = ["rate", "slowing_rate", "reversing_rate"];
 
 impl SlewLimit {
     fn parts(&self, scene: &Scene) -> Parts {
@@ -39,18 +42,19 @@ fn unit(part: &Part) -> String {
     format!("{}/s", part.unit).replace("/s/s", "/s2")
 }
 
-/// The rates of a part for speeding up and slowing down, by the number of its parameter.
-fn rates(p: &[f64], slowing: bool, i: usize) -> [f64; 2] {
-    [p[i], p[if slowing { p.len() / 2 + i } else { i }]]
+/// The rates of a part for speeding up, slowing down, and slowing down in order to reverse, by the number of its first parameter.
+fn rates(p: &[f64], slowing: bool, i: usize) -> [f64; 3] {
+    let parts = p.len() / RATES.len();
+    std::array::from_fn(|k| p[if slowing { k * parts + i } else { i }])
 }
 
 /// How far a command goes on its way before its rate changes, and which of the rates it has until then.
-fn leg(from: f64, to: f64, rates: [f64; 2]) -> (f64, f64) {
-    if from * to < 0.0 { (0.0, rates[1]) } else { (to, rates[usize::from(to.abs() < from.abs())]) }
+fn leg(from: f64, to: f64, rates: [f64; 3]) -> (f64, f64) {
+    if from * to < 0.0 { (0.0, rates[2]) } else { (to, rates[usize::from(to.abs() < from.abs())]) }
 }
 
 /// Where a command is after a time on its way.
-fn ramped(from: f64, to: f64, rates: [f64; 2], span: f64) -> f64 {
+fn ramped(from: f64, to: f64, rates: [f64; 3], span: f64) -> f64 {
     let (end, rate) = leg(from, to, rates);
     let time = (end - from).abs() / rate;
     if time > span {
@@ -100,8 +104,8 @@ impl Effect for SlewLimit {
         let lowest = 2.0 / (scene.scales.time.1 - scene.scales.time.0);
         let of =
             |name: &str, p: &Part| p.parameter(name, &unit(p), (lowest * p.typical, f64::INFINITY), 0.3 * p.typical).neutral(f64::INFINITY);
-        let (parts, names) = (self.parts(scene).list(scene), ["rate", "slowing_rate"]);
-        names[..if self.slowing { 2 } else { 1 }].iter().flat_map(|name| parts.iter().map(|p| of(name, p))).collect()
+        let parts = self.parts(scene).list(scene);
+        RATES[..if self.slowing { RATES.len() } else { 1 }].iter().flat_map(|name| parts.iter().map(|p| of(name, p))).collect()
     }
 
     fn starts(&self, scene: &Scene) -> Vec<Start> {
@@ -109,8 +113,8 @@ impl Effect for SlewLimit {
         if self.slowing {
             let n = sizes.len();
             let at = |share: f64, times: f64| Start {
-                values: [share, share * times].iter().flat_map(|rate| sizes.iter().map(move |size| rate * size)).collect(),
-                columns: (0..n).map(|i| vec![i, n + i]).collect(),
+                values: [share, share * times, share * times].iter().flat_map(|rate| sizes.iter().map(move |size| rate * size)).collect(),
+                columns: (0..n).map(|i| (i..RATES.len() * n).step_by(n).collect()).collect(),
                 linear: false,
             };
             return SPEEDING.iter().flat_map(|share| SLOWING.map(|times| at(*share, times))).collect();
@@ -120,7 +124,6 @@ impl Effect for SlewLimit {
 
     fn statement(&self, values: &[Estimate], scene: &Scene) -> String {
         let parts = self.parts(scene).list(scene);
-        let (up, down) = values.split_at(parts.len());
         // Over within one sampling interval, it is none that these data show.
         let at_once = |p: &Part, v: Estimate| v.value * scene.scales.period > p.largest;
         let of = |values: &[Estimate], how: &str| {
@@ -129,7 +132,8 @@ impl Effect for SlewLimit {
                 false => format!("{} command {how} by at most {}", p.whose, quantity(v, &unit(p))),
             })
         };
-        let said = if self.slowing { [of(up, "speeds up"), of(down, "slows down")].join(", ") } else { of(up, "changes") };
+        let ways: &[&str] = if self.slowing { &["speeds up", "slows down", "slows down to reverse"] } else { &["changes"] };
+        let said = values.chunks(parts.len()).zip(ways).map(|(values, how)| of(values, how)).collect::<Vec<_>>().join(", ");
         format!("{said}; the model had no ramp")
     }
 
@@ -159,9 +163,10 @@ impl Effect for SlewLimit {
 
     /// A ramp ends where it reaches its goal, and turns from slowing down to speeding up where it passes through zero.
     fn next_switch(&self, p: &[f64], at: &Instant<'_>, state: &[f64]) -> f64 {
-        let several = p.len() > if self.slowing { 2 } else { 1 };
-        let ends = state.chunks_exact(2).enumerate().flat_map(|(i, s)| {
-            let rates = rates(p, self.slowing, if several { i } else { 0 });
+        let parts = self.parts(at.scene);
+        let acted_on = state.chunks_exact(2).enumerate().filter_map(|(i, s)| Some((parts.parameter_of(i)?, s)));
+        let ends = acted_on.flat_map(|(i, s)| {
+            let rates = rates(p, self.slowing, i);
             let (turn, rate) = if self.slowing { leg(s[0], s[1], rates) } else { (s[1], rates[0]) };
             let time = |from: f64, to: f64, rate: f64| if from == to { 0.0 } else { (to - from).abs() / rate };
             let turned = at.time + time(s[0], turn, rate);

@@ -176,18 +176,30 @@ fn a_ramp_may_act_on_wheels_or_on_one_axis() {
 
 #[test]
 fn a_ramp_may_slow_down_at_another_rate() {
-    let pursuit = |goal: f64, at: f64, [up, down]: [f64; 2]| ramp(goal, at, if (goal - at) * at < 0.0 { down } else { up });
-    for [forward, turn, braking, unwinding] in [[0.4, 1.3, 1.1, 0.6], [1.2, 0.8, 0.5, 3.0]] {
+    let pursuit = |goal: f64, at: f64, [up, down, back]: [f64; 3]| {
+        let rate = if goal * at < 0.0 {
+            back
+        } else if goal.abs() < at.abs() {
+            down
+        } else {
+            up
+        };
+        ramp(goal, at, rate)
+    };
+    // The way to zero of a command that reverses is slowing down, speeding up, or neither.
+    for [forward, turn, braking, unwinding, back, over] in
+        [[0.4, 1.3, 1.1, 0.6, 1.1, 0.6], [1.2, 0.8, 0.5, 3.0, 1.2, 0.8], [0.6, 1.0, 1.0, 2.0, 0.8, 3.0]]
+    {
         let axes = SlewLimit { slowing: true, ..SlewLimit::default() };
-        let error = difference(&[&axes], &[forward, turn, braking, unwinding], &[], [0.3, 0.2, 0.3, 0.2], |s, t, x| {
+        let error = difference(&[&axes], &[forward, turn, braking, unwinding, back, over], &[], [0.3, 0.2, 0.3, 0.2], |s, t, x| {
             let (u, a) = (held(s, t), base([x[2], x[3]], x));
-            [a[0], a[1], pursuit(u[0], x[2], [forward, braking]), pursuit(u[1], x[3], [turn, unwinding])]
+            [a[0], a[1], pursuit(u[0], x[2], [forward, braking, back]), pursuit(u[1], x[3], [turn, unwinding, over])]
         });
         let [l, r] = wheels([0.3, 0.2]);
-        let at_wheels = SlewLimit { wheels: true, slowing: true, axis: None };
-        let by_wheel = difference(&[&at_wheels], &[forward, braking], &[], [0.3, 0.2, l, r], |s, t, x| {
+        let (at_wheels, rates) = (SlewLimit { wheels: true, slowing: true, axis: None }, [forward, braking, back]);
+        let by_wheel = difference(&[&at_wheels], &rates, &[], [0.3, 0.2, l, r], |s, t, x| {
             let ([l, r], a) = (wheels(held(s, t)), base(body([x[2], x[3]]), x));
-            [a[0], a[1], pursuit(l, x[2], [forward, braking]), pursuit(r, x[3], [forward, braking])]
+            [a[0], a[1], pursuit(l, x[2], rates), pursuit(r, x[3], rates)]
         });
         assert!(error < 1e-4 && by_wheel < 1e-4, "{error} {by_wheel}");
     }
@@ -198,11 +210,12 @@ fn a_ramp_may_slow_down_at_another_rate() {
 fn a_run_changes_smoothly_with_the_rates_of_a_ramp() {
     let rig = rig::body();
     let wheels = SlewLimit { wheels: true, slowing: true, axis: None };
-    let run = |rates: [f64; 2]| rig.run(&[&wheels], &rates).concat();
-    let at = run([0.6, 1.1]);
-    for j in 0..2 {
+    let run = |rates: [f64; 3]| rig.run(&[&wheels], &rates).concat();
+    let rates = [0.6, 1.1, 0.8];
+    let at = run(rates);
+    for j in 0..3 {
         let slope = |d: f64| {
-            let there = run([0.6 + if j == 0 { d } else { 0.0 }, 1.1 + if j == 1 { d } else { 0.0 }]);
+            let there = run(std::array::from_fn(|k| rates[k] + if j == k { d } else { 0.0 }));
             there.iter().zip(&at).map(|(there, at)| ((there - at) / d).powi(2)).sum::<f64>().sqrt()
         };
         assert!((slope(1e-5) / slope(1e-3) - 1.0).abs() < 2e-3, "{j}: {} {}", slope(1e-5), slope(1e-3));
