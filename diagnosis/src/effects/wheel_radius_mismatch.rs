@@ -4,11 +4,13 @@
 //! radii that are e/2 too large on the right and as much too small on the left, and ρ the turning ratio:
 //!
 //! * `reading`: y = (I + E) x, and the robot moves as if nothing was: the readout alone is wrong.
-//! * `ground`: the robot's own motion is recorded, and loops on the wheels keep rates that they take for x − E x. By virtual power their drive
-//!   D and all that the wheels' bearings use up become (I − E') (u − used up) + E · used up, E' = (e/2) [0, h/ρ; ρ/h, 0].
-//! * `encoders`: what the loops keep is recorded, and the robot moves at x − E x. The loops see nothing; the inertia couples the axes:
-//!   θ7 = (e/2) h (θ1 + θ2/ρ) and θ8 = (e/2) (ρ θ1 + θ2)/h, to the letter what a centre of mass to one side does (`lateral_com_offset`).
-//!   Only a measured pose tells the two apart, so that this one is never tried without.
+//! * `ground`: the robot's own motion is recorded, and loops on the wheels keep rates that they take for x − E x. With K what they withdraw for
+//!   a unit of speed and B what the wheels' bearings use up besides, by virtual power u − K x − B becomes (I − E') (u − K x − B) + K E x + E B,
+//!   E' = (e/2) [0, h/ρ; ρ/h, 0].
+//! * `encoders`: what the loops keep is recorded. The robot moves as in `ground`, with −e, and y = (I + E) x of its motion. Where nothing but
+//!   inertia acts on it, this couples the axes by θ7 = (e/2) h (θ1 + θ2/ρ) and θ8 = (e/2) (ρ θ1 + θ2)/h, to the letter what a centre of mass
+//!   to one side does (`lateral_com_offset`); a centre of mass ahead adds θ5 (e/2) v²/h. Only a measured pose tells the two apart, so that this
+//!   one is never tried without.
 
 use serde::{Deserialize, Serialize};
 use wheelwright_core::Effect;
@@ -128,28 +130,31 @@ impl Effect for WheelRadiusMismatch {
 
     fn drive(&self, p: &[f64], at: &Instant<'_>, motion: &Motion<'_>, _state: &[f64], drive: &mut [f64]) {
         let (frame, h, ratio) = (&at.scene.frame, at.scene.frame.half_track(), p.get(1).copied().unwrap_or(1.0));
-        let half = 0.5 * p[0];
-        match self.speeds {
-            Speeds::Reading => {}
-            Speeds::Ground => {
-                // What the wheels pass on, and what their loops and bearings used up before.
-                let passed = [0, 1].map(|i| drive[i] + motion.held[i]);
-                let used = frame.body(&[0, 1].map(|i| motion.u[i] - passed[i]));
-                let passed = frame.body(&passed);
-                let seen = [half * h * used[1], half / h * used[0]];
-                let taken = [half * h / ratio * passed[1], half * ratio / h * passed[0]];
-                let changed = frame.from_body([0, 1].map(|i| seen[i] - taken[i]));
-                drive.iter_mut().zip(changed).for_each(|(drive, change)| *drive += change);
-            }
-            Speeds::Encoders => {
-                let [th1, th2] = force::inertia(frame, motion);
-                force::couple(frame, motion, half * h * (th1 + th2 / ratio), half * (ratio * th1 + th2) / h, drive);
-            }
-        }
+        let half = match self.speeds {
+            Speeds::Reading => return,
+            Speeds::Ground => 0.5 * p[0],
+            Speeds::Encoders => -0.5 * p[0],
+        };
+        let coupled = |[forward, turn]: [f64; 2]| [half * h * turn, half / h * forward];
+        // What the wheels pass on, and what their loops and bearings used up before: of that, the loops keep what they take for the robot's motion.
+        let passed = [0, 1].map(|i| drive[i] + motion.held[i]);
+        let kept = |x: &[f64]| [0, 1].map(|i| motion.drag[2 * i] * x[0] + motion.drag[2 * i + 1] * x[1]);
+        let by_loops = kept(motion.outputs);
+        let by_bearings = frame.body(&[0, 1].map(|i| motion.u[i] - passed[i] - by_loops[i]));
+        let unseen = kept(&frame.from_body(coupled(frame.body(motion.outputs))));
+        let passed = frame.body(&passed);
+        let taken = [half * h / ratio * passed[1], half * ratio / h * passed[0]];
+        let seen = coupled(by_bearings);
+        let changed = frame.from_body([0, 1].map(|i| seen[i] - taken[i]));
+        drive.iter_mut().enumerate().for_each(|(i, drive)| *drive += changed[i] + unseen[i]);
+    }
+
+    fn senses(&self) -> bool {
+        self.speeds == Speeds::Encoders
     }
 
     fn measure(&self, p: &[f64], at: &Instant<'_>, _past: &dyn Fn(f64, &mut [f64]), _state: &mut [f64], outputs: &mut [f64]) {
-        if self.speeds != Speeds::Reading {
+        if self.speeds == Speeds::Ground {
             return;
         }
         let errors = match self.wheel {

@@ -185,11 +185,13 @@ fn a_ball_slides_against_its_motion() {
 }
 
 /// Wheels of unequal radii by virtual power: rates that the loops take for x̂ = x − E x push with P (u − x̂), and the push at each wheel
-/// counts at the ground by the same (I − E). With equal friction on both axes the effect's equation is exact to first order in E.
+/// counts at the ground by the same (I − E). The effect's equation is exact to first order in E.
 #[test]
 fn unequal_wheels_couple_what_the_loops_keep() {
     let rig = body();
-    let (e, h) = (0.08, HALF_TRACK);
+    let (e, h) = (0.02, HALF_TRACK);
+    // What the loops withdraw for a unit of each speed.
+    let kept = [1.02, 1.05];
     for ratio in [1.0, 1.4] {
         let ground = WheelRadiusMismatch { speeds: Speeds::Ground, ..WheelRadiusMismatch::default() };
         let error = rig.error(&ground, &[e, ratio], rig.start, &[], |_, u, [v, w]| {
@@ -200,20 +202,27 @@ fn unequal_wheels_couple_what_the_loops_keep() {
             // What turning does to the centre of mass acts on the body: no wheel's radius counts for it.
             let still = held([v, w]);
             let used = [-th1 * a - still[0], -th2 * b - still[1]];
-            let drive = [u[0] - used[0] + 0.5 * e * h * used[1], u[1] - used[1] + 0.5 * e / h * used[0]];
+            let drive = [u[0] - used[0] + kept[0] * 0.5 * e * h * w, u[1] - used[1] + kept[1] * 0.5 * e / h * v];
             let push = [u[0] - used[0], u[1] - used[1]];
             [(drive[0] - 0.5 * e * h / ratio * push[1] - still[0]) / th1, (drive[1] - 0.5 * e * ratio / h * push[0] - still[1]) / th2]
         });
         assert!(error < 1e-3, "{error}");
-        // Kinetic energy of the robot in what its encoders say: x = x̂ − E x̂, masses th1 and th2 h²/ρ beside it.
+        // The robot in what its encoders say, by Lagrange: it moves at g = x̂ − E x̂, masses th1 and th2 h²/ρ beside each other, and what turning
+        // does to its centre of mass acts at g; the loops push at x̂.
         let encoders = WheelRadiusMismatch { speeds: Speeds::Encoders, ..WheelRadiusMismatch::default() };
-        let error = rig.error(&encoders, &[e, ratio], rig.start, &[], |_, u, x| {
+        let [v, w] = rig.start;
+        let seen = [v + 0.5 * e * h * w, w + 0.5 * e / h * v];
+        let error = rig.error(&encoders, &[e, ratio], seen, &[], |_, u, x| {
             let [a, b] = (rig.base)([0.0, 0.0], x);
             let by = (rig.base)([1.0, 1.0], x);
             let (th1, th2) = (1.0 / (by[0] - a), 1.0 / (by[1] - b));
-            let (mass, inertia) = (th1, th2 * h * h / ratio);
-            let off = -0.5 * e * (mass * h + inertia / h);
-            let force = [u[0] + th1 * a, (u[1] + th2 * b) * h * h / ratio];
+            let (half, turning) = (0.5 * e, h * h / ratio);
+            let (at_encoders, at_ground) = (held(x), held([x[0] - half * h * x[1], x[1] - half / h * x[0]]));
+            let pushed = [u[0] + th1 * a + at_encoders[0], (u[1] + th2 * b + at_encoders[1]) * turning];
+            let (c, d) = (at_ground[0], at_ground[1] * turning);
+            let force = [pushed[0] - c + half / h * d, pushed[1] - d + half * h * c];
+            let (m, i) = (th1, th2 * turning);
+            let (mass, inertia, off) = (m + (half / h).powi(2) * i, i + (half * h).powi(2) * m, -half * (m * h + i / h));
             let determinant = mass * inertia - off * off;
             [(inertia * force[0] - off * force[1]) / determinant, (mass * force[1] - off * force[0]) / determinant]
         });
