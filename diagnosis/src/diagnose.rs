@@ -36,6 +36,8 @@ const MOST_ROWS: usize = 8_000;
 
 /// Angle \[rad\] by which a wheel that is thought elsewhere hides what goes round with it.
 const ASTRAY: f64 = 0.5;
+/// Angle \[rad\] by which it shifts what was found to go round enough to be fitted again: its radius is told by the angle after many turns.
+const SHIFTED: f64 = 0.1;
 
 /// What is said where the search ended before it had looked at everything.
 const STOPPED: &str = "the search ended at its limit of simulation: what further effects would explain, and what could stand in the place of those that \
@@ -260,38 +262,43 @@ fn selected<'a>(start: Surroundings<'a>, known: Option<&'a Known>, closer: &'a O
     Ok(come_round(Story { search, selected, responses, first, means: None }, closer))
 }
 
-/// Whether wheels stand elsewhere in one scene than in another.
-fn astray(a: &Scene, b: &Scene) -> bool {
+/// Whether wheels stand elsewhere in one scene than in another, by more than an angle.
+fn astray(a: &Scene, b: &Scene, angle: f64) -> bool {
     let Some(radius) = a.wheel_radius else { return false };
     let [there, here] = [a, b].map(|scene| scene.tracks.iter().flat_map(|t| &t.distance).flatten());
-    there.zip(here).any(|(a, b)| (a - b).abs() > ASTRAY * radius)
+    there.zip(here).any(|(a, b)| (a - b).abs() > angle * radius)
 }
 
-/// A story with what goes round with the wheels, if it shows once they are followed with what was found: where a misfit took the base model
-/// away nobody knew how they stood.
+/// A story with what goes round with the wheels as it shows once they are followed with what was found: where a misfit took the base model away
+/// nobody knew how they stood, and what was found of it has another radius.
 fn come_round<'a>(story: Story<'a>, closer: &'a OnceCell<Scene>) -> Story<'a> {
     let Story { search, selected, .. } = &story;
     let Setting { data, layout, .. } = &search.setting;
-    let turning = search.turning(selected);
-    if turning.is_empty() || search.full(selected) || search.fixed(selected) == selected.state.effects.len() {
+    let members = &selected.state.effects;
+    let turning = search.turning();
+    let round = members.iter().any(|i| turning.contains(i));
+    // What goes round alone leaves the base model where it was.
+    let alone = members[search.fixed(selected)..].iter().all(|i| turning.contains(i));
+    if turning.is_empty() || alone || (!round && search.full(selected)) || search.setting.exhausted() {
         return story;
     }
     let scene = closer.get_or_init(|| search.setting.scene.followed(data, &layout.series(&selected.state.fit.simulated)));
-    if !astray(search.setting.scene, scene) {
+    if !astray(search.setting.scene, scene, if round { SHIFTED } else { ASTRAY }) {
         return story;
     }
     let setting = Setting { scene, ..search.setting.clone() };
     let nearer = Search { setting, library: search.library, open: search.open.clone(), known: search.known };
     let base = State { effects: Vec::new(), fit: selected.base.clone() };
-    let round = nearer.respond_of(&turning, &base);
-    let Some(mut selected) = nearer.joined(selected, &round) else { return story };
+    let about = nearer.respond_of(&turning, &base);
+    let rest = search.keeping(selected, &|i| !turning.contains(&members[i])).and_then(|rest| search.only(selected, &rest));
+    let Some(mut selected) = rest.and_then(|rest| nearer.joined(&rest, &about)) else { return story };
     let Story { responses: others, first, means, .. } = story;
     let others = others.into_iter().filter(|r| !turning.contains(&r.effect));
-    let mut responses: Vec<Response> = others.chain(round.iter().cloned()).collect();
+    let mut responses: Vec<Response> = others.chain(about.iter().cloned()).collect();
     responses.sort_by_key(|r| r.effect);
     nearer.exchange(&mut selected, &responses, None);
     // The other wheel as well.
-    if let Some(both) = nearer.joined(&selected, &round) {
+    if let Some(both) = nearer.joined(&selected, &about) {
         selected = both;
         nearer.exchange(&mut selected, &responses, None);
     }

@@ -4,8 +4,9 @@
 //! centre, outside the loop.
 //!
 //! `rolling`: the wheel itself is, and the ground's own speed is recorded. A loop that keeps the wheel's rate drives the ground speed by
-//! s ε, which the robot's inertia follows as it follows a command: a load −s ε. The axle rises and falls with the radius, and the weight on
-//! the wheel pushes it once a turn: a load C cos φ + D sin φ, which counts in turning by the turning ratio.
+//! s ε, which the robot's inertia follows as it follows a command: a load −s ε. The wheel and its motor are sped up and slowed down once a turn,
+//! and push the robot by that: a load −τ (s ε)', of which the greater part is −τ s²/r dε/dφ. The axle rises and falls with the radius, and the
+//! weight on the wheel pushes it once a turn: a load C cos φ + D sin φ. Both count in turning by the turning ratio.
 
 use serde::{Deserialize, Serialize};
 use wheelwright_core::Effect;
@@ -107,7 +108,7 @@ impl Effect for WheelEccentricity {
             .or_else(|| if self.ripple == Ripple::Rolling { force::needs_loops(scene) } else { None })
     }
 
-    /// A and B of each wheel, where it rolls C and D of each and the turning ratio, and the radius.
+    /// A and B of each wheel, where it rolls C and D of each, τ and the turning ratio, and the radius.
     fn parameters(&self, scene: &Scene) -> Vec<EffectParameter> {
         let amplitude =
             |name: &str, wheel: Wheel| EffectParameter::new(name, "1", (-0.5, 0.5), 0.02).neutral(0.0).of("wheel", wheel.word());
@@ -119,6 +120,7 @@ impl Effect for WheelEccentricity {
                 EffectParameter::new(name, force::unit(scene), any, size).neutral(0.0).of("wheel", wheel.word())
             };
             all.extend(self.wheels().flat_map(|w| [weight("weight_cosine", w), weight("weight_sine", w)]));
+            all.push(force::spin_up());
             all.extend(force::turning_ratio(scene));
         }
         let radius = radius(scene);
@@ -128,14 +130,15 @@ impl Effect for WheelEccentricity {
 
     fn starts(&self, scene: &Scene) -> Vec<Start> {
         let all = self.parameters(scene);
-        let free: Vec<usize> = (0..all.len()).filter(|i| all[*i].neutral.is_some()).collect();
+        // The ripple alone: what it does to weights and rotors follows it.
+        let free = 0..2 * self.wheels().count();
         let at = |off: f64| {
             let value = |p: &EffectParameter| match p.name.as_str() {
                 "radius" => (1.0 + off) * radius(scene),
-                _ if p.neutral.is_some() => p.scale,
-                _ => 1.0,
+                "cosine" | "sine" => p.scale,
+                _ => p.usual.map(|(value, _)| value).or(p.neutral).unwrap_or(p.scale),
             };
-            Start { values: all.iter().map(value).collect(), columns: free.iter().map(|i| vec![*i]).collect(), linear: true }
+            Start { values: all.iter().map(value).collect(), columns: free.clone().map(|i| vec![i]).collect(), linear: true }
         };
         let step = STEP.min(ASTRAY * radius(scene) / rolled(scene)).max(OFF / MOST);
         let steps = (OFF / step) as i32;
@@ -190,17 +193,19 @@ impl Effect for WheelEccentricity {
             return;
         }
         let (speeds, n) = (frame.wheels(outputs), self.wheels().count());
+        let spin_up = rest[4 * n];
         let (mut driven, mut pushed) = ([0.0; 2], [0.0; 2]);
         for (i, wheel) in self.wheels().enumerate() {
             let side = wheel.index();
             let (sin, cos) = (at.distance(side) / radius).sin_cos();
-            let of = |k: usize| rest[k] * cos + rest[k + 1] * sin;
-            driven[side] = -speeds[side] * of(2 * i);
-            pushed[side] = of(2 * (n + i));
+            let of = |k: usize, cos: f64, sin: f64| rest[k] * cos + rest[k + 1] * sin;
+            driven[side] = -speeds[side] * of(2 * i, cos, sin);
+            let growing = speeds[side].powi(2) / radius * of(2 * i, -sin, cos);
+            pushed[side] = of(2 * (n + i), cos, sin) - spin_up * growing;
         }
         // What the loop is told is no force: it counts alike on both axes.
         frame.add_at_wheels(driven, 1.0, load);
-        frame.add_at_wheels(pushed, rest.get(4 * n).copied().unwrap_or(1.0), load);
+        frame.add_at_wheels(pushed, rest.get(4 * n + 1).copied().unwrap_or(1.0), load);
     }
 
     fn measure(&self, p: &[f64], at: &Instant<'_>, _past: &dyn Fn(f64, &mut [f64]), _state: &mut [f64], outputs: &mut [f64]) {

@@ -24,13 +24,13 @@ impl<'a> Search<'a> {
         responses(&current, &library)
     }
 
-    /// The effects that go round with something, if none of them was selected.
-    pub(crate) fn turning(&self, selected: &Selected) -> Vec<usize> {
+    /// The effects that go round with something.
+    pub(crate) fn turning(&self) -> Vec<usize> {
         let turns = |i: &usize| {
             let start = self.effect(*i).starts(self.setting.scene).into_iter().next();
             start.is_some_and(|start| self.effect(*i).turned(&start.values, 0, 0.0).is_some())
         };
-        if selected.state.effects.iter().any(turns) { Vec::new() } else { self.open.iter().copied().filter(turns).collect() }
+        self.open.iter().copied().filter(turns).collect()
     }
 
     /// Responses about a model, of which `first` are those about the base model.
