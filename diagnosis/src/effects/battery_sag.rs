@@ -8,8 +8,8 @@
 //! of power the current is P = Σ U_w e_w/2c² over the wheels, e_w what drives a wheel's motor against its back-EMF and c a typical command: r is lost
 //! where such a command meets a wheel that stands.
 //!
-//! With `servo` it is the gain of the speed loops that weakens, and not what they are told alone: the drive loses that share of u − x, x what
-//! the robot does.
+//! With `servo` it is the gain of the speed loops that weakens, and not what they are told alone: the drive loses that share of u − β x, x what
+//! the robot does and β their feedback, 1 or somewhat less.
 
 use serde::{Deserialize, Serialize};
 use wheelwright_core::Effect;
@@ -77,7 +77,7 @@ impl BatterySag {
 fn power(at: &Instant<'_>, motion: &Motion<'_>, drive: &[f64]) -> f64 {
     let frame = at.scene.frame;
     let asked = frame.wheels(motion.u);
-    let against = if matches!(frame, Frame::Body { .. }) { force::loop_errors(&frame, motion) } else { frame.wheels(drive) };
+    let against = if matches!(frame, Frame::Body { .. }) { force::asked(&frame, motion, 1.0) } else { frame.wheels(drive) };
     0.5 * (asked[0] * against[0] + asked[1] * against[1]) / at.scene.scales.command.powi(2)
 }
 
@@ -117,7 +117,7 @@ impl Effect for BatterySag {
         let per_second = 1.0 / duration(scene);
         let sag = EffectParameter::new("sag", "1/s", (-per_second, per_second), 0.03 * per_second).neutral(0.0);
         let share = |name: &str| EffectParameter::new(name, "1", (0.0, 1.0), 0.03).neutral(0.0);
-        match self.law {
+        let mut all = match self.law {
             SagLaw::Steady => vec![sag],
             SagLaw::Settling => {
                 let told = (TOLD.0 / per_second, TOLD.1 / per_second);
@@ -128,24 +128,23 @@ impl Effect for BatterySag {
                 vec![lost, moments::parameter(scene)]
             }
             SagLaw::Loaded => vec![share("lost_under_load"), sag],
-        }
+        };
+        all.extend(self.servo.then(force::feedback));
+        all
     }
 
     fn starts(&self, scene: &Scene) -> Vec<Start> {
-        let start = |values: Vec<f64>| Start { columns: (0..values.len()).map(|i| vec![i]).collect(), values, linear: true };
         let steady = 0.03 / duration(scene);
-        match self.law {
-            SagLaw::Steady => vec![start(vec![steady])],
-            SagLaw::Settling => {
-                let after = |share: f64| Start { values: vec![0.03, share * duration(scene)], columns: vec![vec![0]], linear: true };
-                TIMES.map(after).into()
-            }
-            SagLaw::Dropped => {
-                let at = |share: f64| Start { values: vec![0.03, moments::at(share, scene)], columns: vec![vec![0]], linear: true };
-                moments::SHARES.map(at).into()
-            }
-            SagLaw::Loaded => vec![start(vec![GIVES_WAY, steady])],
-        }
+        let (tried, columns): (Vec<Vec<f64>>, Vec<Vec<usize>>) = match self.law {
+            SagLaw::Steady => (vec![vec![steady]], vec![vec![0]]),
+            SagLaw::Settling => (TIMES.map(|share| vec![0.03, share * duration(scene)]).into(), vec![vec![0]]),
+            SagLaw::Dropped => (moments::SHARES.map(|share| vec![0.03, moments::at(share, scene)]).into(), vec![vec![0]]),
+            SagLaw::Loaded => (vec![vec![GIVES_WAY, steady]], vec![vec![0], vec![1]]),
+        };
+        let fed_back = self.servo.then_some(1.0);
+        let start =
+            |values: Vec<f64>| Start { values: values.into_iter().chain(fed_back).collect(), columns: columns.clone(), linear: true };
+        tried.into_iter().map(start).collect()
     }
 
     /// The same drop at other times nearby: while nothing drives it does not show.
@@ -154,7 +153,8 @@ impl Effect for BatterySag {
             return Vec::new();
         }
         let (earliest, latest) = moments::parameter(scene).bounds;
-        moments::nearby(scene).map(|off| vec![values[0], values[1] + off]).filter(|v| (earliest..=latest).contains(&v[1])).collect()
+        let at = |time: f64| [&[values[0], time], &values[2..]].concat();
+        moments::nearby(scene).map(|off| values[1] + off).filter(|t| (earliest..=latest).contains(t)).map(at).collect()
     }
 
     fn statement(&self, values: &[Estimate], scene: &Scene) -> String {
@@ -222,7 +222,7 @@ impl Effect for BatterySag {
             (true, SagLaw::Loaded) => (p[0] * power(at, motion, drive) + self.lost(&p[1..], at)).min(1.0 - LEFT),
             (true, _) => self.lost(p, at),
         };
-        let held = if self.servo { 1.0 } else { 0.0 };
+        let held = if self.servo { p[p.len() - 1] } else { 0.0 };
         drive.iter_mut().zip(motion.u.iter().zip(motion.outputs)).for_each(|(drive, (u, x))| *drive -= lost * (u - held * x));
     }
 }

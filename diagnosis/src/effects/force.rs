@@ -56,10 +56,19 @@ pub(super) fn needs_loops(scene: &Scene) -> Option<String> {
         .then(|| "the robot is not commanded by velocities: no loop keeps a wheel's rate".to_owned())
 }
 
-/// What each wheel's loop sees between what it is told and what the wheel does.
-pub(super) fn loop_errors(frame: &Frame, motion: &Motion<'_>) -> [f64; 2] {
+/// What each wheel's loop asks its motor for: what it is told less its [feedback](feedback) times what the wheel does.
+pub(super) fn asked(frame: &Frame, motion: &Motion<'_>, feedback: f64) -> [f64; 2] {
     let (told, done) = (frame.wheels(motion.u), frame.wheels(motion.outputs));
-    [told[0] - done[0], told[1] - done[1]]
+    [told[0] - feedback * done[0], told[1] - feedback * done[1]]
+}
+
+/// Spread of the feedback between robots.
+const FED_BACK: f64 = 0.1;
+
+/// How much of a wheel's speed its loop takes off what it is told: all of it, or less where it adds to its answer what a motor needs to hold the
+/// commanded speed against its back-EMF.
+pub(super) fn feedback() -> EffectParameter {
+    EffectParameter::new("feedback", "1", (0.0, 1.5), 0.2 * FED_BACK).usually(1.0, FED_BACK)
 }
 
 /// Unit of a force at a wheel; of the first channel's where there are none.

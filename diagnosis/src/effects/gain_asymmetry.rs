@@ -1,7 +1,7 @@
 //! The wheels answer their commands unequally: U_R' = (1 + g) U_R, U_L' = (1 − g) U_L.
 //!
-//! With `servo` it is the whole loop of a wheel that is stronger, and not what it is told alone: the drive gains ± g (U − s), s the wheel's
-//! ground speed. At rest on its set-point such a wheel runs as the others do.
+//! With `servo` it is the whole loop of a wheel that is stronger, and not what it is told alone: the drive gains ± g (U − β s), s the wheel's
+//! ground speed and β its feedback, 1 or somewhat less. At rest on its set-point such a wheel runs as the others do.
 
 use serde::{Deserialize, Serialize};
 use wheelwright_core::Effect;
@@ -42,11 +42,12 @@ impl Effect for GainAsymmetry {
     }
 
     fn parameters(&self, _scene: &Scene) -> Vec<EffectParameter> {
-        vec![EffectParameter::new("gain", "1", (-0.5, 0.5), 0.02).neutral(0.0)]
+        let gain = EffectParameter::new("gain", "1", (-0.5, 0.5), 0.02).neutral(0.0);
+        if self.servo { vec![gain, force::feedback()] } else { vec![gain] }
     }
 
     fn starts(&self, _scene: &Scene) -> Vec<Start> {
-        vec![Start { values: vec![0.02], columns: vec![vec![0]], linear: true }]
+        vec![Start { values: if self.servo { vec![0.02, 1.0] } else { vec![0.02] }, columns: vec![vec![0]], linear: true }]
     }
 
     fn statement(&self, values: &[Estimate], _scene: &Scene) -> String {
@@ -109,7 +110,7 @@ impl Effect for GainAsymmetry {
             return;
         }
         let frame = &at.scene.frame;
-        let [left, right] = force::loop_errors(frame, motion);
+        let [left, right] = force::asked(frame, motion, p[1]);
         frame.add_at_wheels([-p[0] * left, p[0] * right], 1.0, drive);
     }
 }

@@ -116,6 +116,9 @@ pub fn library() -> Vec<Box<dyn Effect>> {
     all.extend(dynamics());
     // One that takes its width off every command is dry friction but for the moment of reversal: the more common cause first.
     all.push(Box::new(DeadZone { subtracting: true, ..DeadZone::default() }));
+    for axis in [Axis::V, Axis::Omega] {
+        all.push(Box::new(DeadZone { subtracting: true, axis: Some(axis), ..DeadZone::default() }));
+    }
     all.extend(sensors());
     // An offset says that something is off and not what: among equals it stands last.
     all.push(Box::new(CommandOffset {}));

@@ -234,23 +234,24 @@ fn unequal_wheels_couple_what_the_loops_keep() {
 #[test]
 fn a_loop_with_another_gain_pushes_by_its_own_error() {
     let rig = body();
-    let g = 0.2;
-    let error = rig.error(&GainAsymmetry { servo: true }, &[g], rig.start, &[], |_, u, x| {
-        let [left, right] = [0, 1].map(|i| wheels(u)[i] - wheels(x)[i]);
+    // What is fed back of a speed to a loop that feeds forward.
+    let (g, fed) = (0.2, 0.9);
+    let error = rig.error(&GainAsymmetry { servo: true }, &[g, fed], rig.start, &[], |_, u, x| {
+        let [left, right] = [0, 1].map(|i| wheels(u)[i] - fed * wheels(x)[i]);
         let added = [0.5 * g * (right - left), g * (right + left) / (2.0 * HALF_TRACK)];
         (rig.base)([u[0] + added[0], u[1] + added[1]], x)
     });
     assert!(error < 1e-3, "{error}");
     let k = 0.01;
-    let error = rig.error(&BatterySag { servo: true, ..BatterySag::default() }, &[k], rig.start, &[], |t, u, x| {
+    let error = rig.error(&BatterySag { servo: true, ..BatterySag::default() }, &[k, fed], rig.start, &[], |t, u, x| {
         let lost = k * (t - rig.stretch().time[0]);
-        (rig.base)([0, 1].map(|i| u[i] - lost * (u[i] - x[i])), x)
+        (rig.base)([0, 1].map(|i| u[i] - lost * (u[i] - fed * x[i])), x)
     });
     assert!(error < 1e-3, "{error}");
     let (k, time) = (0.15, 2.0);
-    let error = rig.error(&BatterySag { servo: true, law: SagLaw::Settling }, &[k, time], rig.start, &[], |t, u, x| {
+    let error = rig.error(&BatterySag { servo: true, law: SagLaw::Settling }, &[k, time, fed], rig.start, &[], |t, u, x| {
         let lost = k * (1.0 - (-(t - rig.stretch().time[0]) / time).exp());
-        (rig.base)([0, 1].map(|i| u[i] - lost * (u[i] - x[i])), x)
+        (rig.base)([0, 1].map(|i| u[i] - lost * (u[i] - fed * x[i])), x)
     });
     assert!(error < 1e-3, "{error}");
 }
@@ -259,13 +260,14 @@ fn a_loop_with_another_gain_pushes_by_its_own_error() {
 #[test]
 fn a_supply_with_a_resistance_gives_way_to_power() {
     let rig = body();
-    let (r, k) = (0.1, 0.008);
+    let (r, k, fed) = (0.1, 0.008, 0.9);
     let typical = rig.scene().scales.command;
     for servo in [false, true] {
-        let error = rig.error(&BatterySag { servo, law: SagLaw::Loaded }, &[r, k], rig.start, &[], |t, u, x| {
+        let values = if servo { vec![r, k, fed] } else { vec![r, k] };
+        let error = rig.error(&BatterySag { servo, law: SagLaw::Loaded }, &values, rig.start, &[], |t, u, x| {
             let power: f64 = [0, 1].map(|i| wheels(u)[i] * (wheels(u)[i] - wheels(x)[i])).iter().sum();
             let left = 1.0 - k * (t - rig.stretch().time[0]) - r * power / (2.0 * typical * typical);
-            let pulls = |i: usize| if servo { x[i] + left * (u[i] - x[i]) } else { left * u[i] };
+            let pulls = |i: usize| if servo { fed * x[i] + left * (u[i] - fed * x[i]) } else { left * u[i] };
             (rig.base)([pulls(0), pulls(1)], x)
         });
         assert!(error < 1e-3, "{error}");
@@ -276,11 +278,11 @@ fn a_supply_with_a_resistance_gives_way_to_power() {
 #[test]
 fn a_motor_with_a_dead_zone_does_not_push_at_small_errors() {
     let rig = body();
-    let d = 0.03;
+    let (d, fed) = (0.03, 0.9);
     let dead = DeadZone { servo: true, ..DeadZone::default() };
-    let error = rig.error(&dead, &[d], rig.start, &[], |_, u, x| {
+    let error = rig.error(&dead, &[d, fed], rig.start, &[], |_, u, x| {
         let [left, right] = [0, 1].map(|i| {
-            let lag = wheels(u)[i] - wheels(x)[i];
+            let lag = wheels(u)[i] - fed * wheels(x)[i];
             if lag.abs() < d { lag } else { d.copysign(lag) }
         });
         let lost = [0.5 * (left + right), (right - left) / (2.0 * HALF_TRACK)];
