@@ -36,9 +36,12 @@ pub(crate) struct Proof {
 }
 
 impl Ground<'_> {
-    /// Simulates every stretch from its measured first sample. What goes round stands where these data say that it stood at their start.
+    /// Simulates every stretch from its measured first sample. What goes round, or was left somewhere, stands where these data say that it stood
+    /// at their start.
     pub(crate) fn prove(&self, explanation: &Explanation<'_>) -> Proof {
         let given = self.run(explanation);
+        let (explanation, given) = self.left_at(explanation.clone(), given);
+        let explanation = &explanation;
         let parts = explanation.parts(self.scene);
         if parts.is_empty() {
             return given;

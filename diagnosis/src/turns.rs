@@ -1,10 +1,13 @@
-//! What goes round: where it stood when a recording began is a matter of that recording, as its first sample is.
+//! What goes round, and what is left somewhere: where it stood when a recording began is a matter of that recording, as its first sample is.
 
 use nalgebra::{DMatrix, DVector};
 use wheelwright_core::effect::Scene;
 
 use crate::holdout::{Explanation, Ground, Proof};
 use crate::residuals::Series;
+
+/// Places within its bounds where what was left somewhere is looked for.
+const PLACES: usize = 9;
 
 /// A part of an effect that goes round.
 pub(crate) struct Part {
@@ -40,6 +43,28 @@ impl Explanation<'_> {
 }
 
 impl Ground<'_> {
+    /// An explanation with what was left somewhere where these data show it best, and its proof.
+    pub(crate) fn left_at<'a>(&self, mut explanation: Explanation<'a>, mut proof: Proof) -> (Explanation<'a>, Proof) {
+        let parameters: Vec<_> = explanation.effects.iter().flat_map(|effect| effect.parameters(self.scene)).collect();
+        for (at, parameter) in parameters.iter().enumerate().filter(|(_, p)| p.initial) {
+            let (from, to) = parameter.bounds;
+            for place in 0..PLACES {
+                let mut other = explanation.clone();
+                other.values[at] = from + (to - from) * place as f64 / (PLACES - 1) as f64;
+                let there = self.run(&other);
+                if self.size(&there) < self.size(&proof) {
+                    (explanation, proof) = (other, there);
+                }
+            }
+        }
+        (explanation, proof)
+    }
+
+    /// Mean squared errors in units of the outputs' own size.
+    fn size(&self, proof: &Proof) -> f64 {
+        proof.error.iter().zip(&self.scene.scales.outputs).map(|(error, unit)| error / (unit * unit)).sum()
+    }
+
     /// An explanation with what goes round as these data show it: the ripple of every part and the same a quarter of a turn on are fitted to
     /// what is left without them, and only their angle is kept. `None` where they cannot tell it.
     pub(crate) fn begun<'a>(&self, explanation: &Explanation<'a>, parts: &[Part], given: &Proof) -> Option<Explanation<'a>> {

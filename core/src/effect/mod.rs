@@ -101,12 +101,14 @@ pub struct EffectParameter {
     /// The value it has on most robots, and how far it usually is from it; `None` where any value within its bounds is as likely. It speaks
     /// where the data do not: a shape that was never excited would otherwise be whatever the noise makes of it.
     pub usual: Option<(f64, f64)>,
+    /// Whether it says how something stood when a recording began: a matter of that recording and not of the robot, fitted anew to every one.
+    pub initial: bool,
 }
 
 impl EffectParameter {
     /// A parameter without a neutral value or a label.
     pub fn new(name: &str, unit: &str, bounds: (f64, f64), scale: f64) -> Self {
-        Self { name: name.to_owned(), unit: unit.to_owned(), bounds, scale, neutral: None, label: None, usual: None }
+        Self { name: name.to_owned(), unit: unit.to_owned(), bounds, scale, neutral: None, label: None, usual: None, initial: false }
     }
 
     /// The same with the value at which it does nothing.
@@ -120,6 +122,13 @@ impl EffectParameter {
     #[must_use]
     pub fn usually(mut self, value: f64, spread: f64) -> Self {
         self.usual = Some((value, spread));
+        self
+    }
+
+    /// The same as what differs from recording to recording.
+    #[must_use]
+    pub fn initially(mut self) -> Self {
+        self.initial = true;
         self
     }
 

@@ -8,7 +8,7 @@
 //! Its wheel resists rolling with a force F and its pivot swivelling with a moment S sgn δ' + D δ', of dry friction and of grease. By
 //! virtual power the body feels F sgn(roll) ∂roll/∂v + (S sgn δ' + D δ') ∂δ'/∂v against forward motion and ρ/h² times the same with ∂/∂ω
 //! against turning: the moment at the pivot is held by a force of the ground across the wheel. A stretch begins with the castor as steady
-//! motion at the first velocities would have it, and straight from rest.
+//! motion at the first velocities would have it, and from rest as it was left there.
 //!
 //! `ball`: a ball or a pad that does not roll slides at (v, −d ω) and feels F against that: F v/√(v² + d² ω²) against forward motion and
 //! (ρ d²/h²) F ω/√(v² + d² ω²) against turning.
@@ -46,13 +46,18 @@ const DISTANCE: usize = 1;
 const TRAIL: usize = 2;
 const SWIVEL: usize = 3;
 const DAMPING: usize = 4;
-const RATIO: usize = 5;
+const LEFT_AT: usize = 5;
+const RATIO: usize = 6;
+
+/// How far from straight a castor usually stands where a robot was left \[rad\], and how far apart others are looked at.
+const LEFT: f64 = 1.5;
+const TURNS: [f64; 5] = [-2.0, -1.0, 1.0, 2.0, 3.0];
 
 impl CastorDrag {
     /// Number of its parameters but for the turning ratio, which stands last.
     fn own(&self) -> usize {
         match self.kind {
-            CastorKind::Swivel => 5,
+            CastorKind::Swivel => 6,
             CastorKind::Ball => 2,
         }
     }
@@ -91,6 +96,8 @@ impl Effect for CastorDrag {
                 let of = |name: &str, unit: &str, size: f64| EffectParameter::new(name, unit, (0.0, f64::INFINITY), size).neutral(0.0);
                 all.push(of("swivel_friction", units[0], moment));
                 all.push(of("swivel_damping", units[1], moment * h / scene.scales.speed));
+                let any = (-std::f64::consts::PI, std::f64::consts::PI);
+                all.push(EffectParameter::new("left_at", "rad", any, 0.2).usually(0.0, LEFT).initially());
             }
             // Ahead or behind is one to a ball.
             CastorKind::Ball => all.push(EffectParameter::new("distance", "m", (0.05 * h, 3.0 * h), 0.2 * h)),
@@ -105,7 +112,7 @@ impl Effect for CastorDrag {
             CastorKind::Swivel => {
                 let all = self.parameters(scene);
                 let from = |(l, d): (f64, f64)| Start {
-                    values: [drag, d * h, l * h, all[SWIVEL].scale, all[DAMPING].scale]
+                    values: [drag, d * h, l * h, all[SWIVEL].scale, all[DAMPING].scale, 0.0]
                         .into_iter()
                         .chain(all.get(RATIO).map(|_| 1.0))
                         .collect(),
@@ -116,6 +123,19 @@ impl Effect for CastorDrag {
             }
             CastorKind::Ball => [0.8, 1.4].into_iter().flat_map(|d| force::starts(scene, &[drag, d * h], &[vec![DRAG]])).collect(),
         }
+    }
+
+    /// The castor left otherwise: it swings round within a trail's length, and no small step leads from one side to the other.
+    fn detours(&self, values: &[f64], scene: &Scene) -> Vec<Vec<f64>> {
+        if self.kind == CastorKind::Ball || !scene.tracks.iter().any(|track| track.from_rest) {
+            return Vec::new();
+        }
+        let left_at = |turn: &f64| {
+            let mut values = values.to_vec();
+            values[LEFT_AT] = (values[LEFT_AT] + turn + std::f64::consts::PI).rem_euclid(std::f64::consts::TAU) - std::f64::consts::PI;
+            values
+        };
+        TURNS.iter().map(left_at).collect()
     }
 
     fn statement(&self, values: &[Estimate], scene: &Scene) -> String {
@@ -169,7 +189,13 @@ impl Effect for CastorDrag {
         let [v, w] = at.scene.frame.body(outputs);
         let across = p[DISTANCE] * w;
         let pivot = v.hypot(across);
-        let angle = if pivot > 0.0 { (-p[TRAIL] * w / pivot).clamp(-1.0, 1.0).asin() - across.atan2(v) } else { 0.0 };
+        let angle = if at.track.from_rest {
+            p[LEFT_AT]
+        } else if pivot > 0.0 {
+            (-p[TRAIL] * w / pivot).clamp(-1.0, 1.0).asin() - across.atan2(v)
+        } else {
+            0.0
+        };
         (state[1], state[0]) = (0.5 * angle).sin_cos();
         state[2] = outputs[0];
         state[3] = outputs[1];

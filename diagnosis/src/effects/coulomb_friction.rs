@@ -1,5 +1,4 @@
-//! Dry friction of constant size at both wheels: f = c sgn s on each, s the wheel's ground speed; with `each_wheel` of a size of its own
-//! on each.
+//! Dry friction of constant size at both wheels: f = c sgn s on each, s the wheel's ground speed.
 //!
 //! In the body frame it uses up (f_R + f_L)/2 of the forward command and ρ (f_R − f_L)/(2h) of the turning command, ρ the
 //! turning ratio. In channels without wheels each output has a friction of its own.
@@ -8,17 +7,12 @@ use serde::{Deserialize, Serialize};
 use wheelwright_core::Effect;
 use wheelwright_core::effect::{Confusion, EffectParameter, Estimate, Instant, Scene, Stage, Start};
 
-use super::force::{self, Wheel};
-use super::words::smooth_sign;
+use super::force;
 
 /// Coulomb friction.
 #[derive(Debug, Clone, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct CoulombFriction {
-    /// A size for each wheel. Default `false`.
-    #[serde(default)]
-    pub each_wheel: bool,
-}
+pub struct CoulombFriction {}
 
 #[typetag::serde(name = "coulomb_friction")]
 impl Effect for CoulombFriction {
@@ -27,10 +21,7 @@ impl Effect for CoulombFriction {
     }
 
     fn about(&self) -> String {
-        match self.each_wheel {
-            false => "dry friction of constant size at both wheels".to_owned(),
-            true => "dry friction of constant size at each wheel".to_owned(),
-        }
+        "dry friction of constant size at both wheels".to_owned()
     }
 
     fn stage(&self) -> Stage {
@@ -42,21 +33,11 @@ impl Effect for CoulombFriction {
     }
 
     fn inapplicable(&self, scene: &Scene) -> Option<String> {
-        match self.each_wheel {
-            false => force::needs_commands(scene),
-            true => force::needs_wheels(scene),
-        }
+        force::needs_commands(scene)
     }
 
     fn parameters(&self, scene: &Scene) -> Vec<EffectParameter> {
-        let sizes = match self.each_wheel {
-            false => force::sizes(scene, "friction"),
-            true => [Wheel::Left, Wheel::Right]
-                .iter()
-                .flat_map(|wheel| force::sizes(scene, "friction").into_iter().map(|p| p.of("wheel", wheel.word())))
-                .collect(),
-        };
-        sizes.into_iter().chain(force::turning_ratio(scene)).collect()
+        force::sizes(scene, "friction").into_iter().chain(force::turning_ratio(scene)).collect()
     }
 
     fn starts(&self, scene: &Scene) -> Vec<Start> {
@@ -65,23 +46,8 @@ impl Effect for CoulombFriction {
     }
 
     fn statement(&self, values: &[Estimate], scene: &Scene) -> String {
-        if let (true, [left, right, ..]) = (self.each_wheel, values) {
-            let [left, right] = [left, right].map(|v| force::in_words(*v, scene));
-            return format!("dry friction uses up {left} at the left wheel and {right} at the right one; the model had none");
-        }
         let whose = if scene.frame.has_wheels() { "at each wheel".to_owned() } else { format!("on `{}`", scene.outputs[0].name) };
         format!("dry friction {whose} uses up {}; the model had none", force::in_words(values[0], scene))
-    }
-
-    fn narrower(&self, values: &[f64], scene: &Scene) -> Option<&'static str> {
-        let parameters = self.parameters(scene);
-        let (sizes, _) = values.split_at(parameters.iter().take_while(|p| p.neutral.is_some()).count());
-        let idle = |wheel: &[f64]| wheel.iter().zip(&parameters).all(|(x, p)| p.is_neutral(*x));
-        (self.each_wheel && sizes.chunks(sizes.len().div_ceil(2).max(1)).any(idle)).then_some("coulomb_friction_one_wheel")
-    }
-
-    fn contains(&self) -> &'static [&'static str] {
-        if self.each_wheel { &["coulomb_friction", "coulomb_friction_one_wheel"] } else { &[] }
     }
 
     fn excitation(&self) -> &'static str {
@@ -115,12 +81,6 @@ impl Effect for CoulombFriction {
     }
 
     fn load(&self, p: &[f64], at: &Instant<'_>, outputs: &[f64], _state: &[f64], load: &mut [f64]) {
-        if self.each_wheel {
-            let frame = &at.scene.frame;
-            let [left, right] = frame.wheels(outputs).map(|s| smooth_sign(s, at.scene.scales.speed));
-            frame.add_at_wheels([p[0] * left, p[1] * right], p.get(2).copied().unwrap_or(1.0), load);
-            return;
-        }
         force::at_contacts(at, outputs, p.get(1), load, |contact, _, sign| p[contact] * sign);
     }
 }

@@ -1,7 +1,7 @@
-//! Dry friction at one wheel only: f = c sgn s there, nothing at the other.
+//! Dry friction at one wheel, f = c sgn s there and nothing at the other, or of another size at each.
 //!
-//! A rubbing tyre or a dry bearing: it slows the robot and turns it. In the body frame it uses up f/2 of the forward command and
-//! ±ρ f/(2h) of the turning command.
+//! A rubbing tyre or a dry bearing: it slows the robot and turns it. In the body frame it uses up (f_R + f_L)/2 of the forward command and
+//! ρ (f_R − f_L)/(2h) of the turning command.
 
 use serde::{Deserialize, Serialize};
 use wheelwright_core::Effect;
@@ -10,13 +10,21 @@ use wheelwright_core::effect::{Confusion, EffectParameter, Estimate, Instant, Sc
 use super::force::{self, Wheel};
 use super::words::smooth_sign;
 
-/// Coulomb friction of one wheel.
+/// Coulomb friction of one wheel, or of unequal wheels.
 #[derive(Debug, Clone, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct CoulombFrictionOneWheel {
-    /// Which one. Default `left`.
-    #[serde(default)]
-    pub wheel: Wheel,
+    /// Which one. Without, each has a size of its own.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub wheel: Option<Wheel>,
+}
+
+impl CoulombFrictionOneWheel {
+    /// The wheels that have friction.
+    fn wheels(&self) -> impl Iterator<Item = Wheel> + use<> {
+        let only = self.wheel;
+        [Wheel::Left, Wheel::Right].into_iter().filter(move |w| only.is_none_or(|only| only == *w))
+    }
 }
 
 #[typetag::serde(name = "coulomb_friction_one_wheel")]
@@ -26,7 +34,10 @@ impl Effect for CoulombFrictionOneWheel {
     }
 
     fn about(&self) -> String {
-        format!("dry friction of constant size at the {} wheel alone", self.wheel)
+        match self.wheel {
+            Some(wheel) => format!("dry friction of constant size at the {wheel} wheel alone"),
+            None => "dry friction of another constant size at each wheel".to_owned(),
+        }
     }
 
     fn stage(&self) -> Stage {
@@ -42,16 +53,31 @@ impl Effect for CoulombFrictionOneWheel {
     }
 
     fn parameters(&self, scene: &Scene) -> Vec<EffectParameter> {
-        let label = |p: EffectParameter| p.of("wheel", self.wheel.word());
-        force::sizes(scene, "friction").into_iter().chain(force::turning_ratio(scene)).map(label).collect()
+        let size = |wheel: Wheel| force::sizes(scene, "friction").into_iter().map(move |p| p.of("wheel", wheel.word()));
+        self.wheels().flat_map(size).chain(force::turning_ratio(scene)).collect()
     }
 
     fn starts(&self, scene: &Scene) -> Vec<Start> {
-        force::starts(scene, &[0.05 * force::command(scene, 0)], &[vec![0]])
+        let sizes: Vec<f64> = self.wheels().map(|_| 0.05 * force::command(scene, 0)).collect();
+        force::starts(scene, &sizes, &(0..sizes.len()).map(|i| vec![i]).collect::<Vec<_>>())
     }
 
     fn statement(&self, values: &[Estimate], scene: &Scene) -> String {
-        format!("the {} wheel alone has dry friction: it uses up {}; the model had none", self.wheel, force::in_words(values[0], scene))
+        let sizes: Vec<String> = values.iter().map(|v| force::in_words(*v, scene)).collect();
+        match self.wheel {
+            Some(wheel) => format!("the {wheel} wheel alone has dry friction: it uses up {}; the model had none", sizes[0]),
+            None => format!("dry friction uses up {} at the left wheel and {} at the right one; the model had none", sizes[0], sizes[1]),
+        }
+    }
+
+    fn narrower(&self, values: &[f64], scene: &Scene) -> Option<&'static str> {
+        let parameters = self.parameters(scene);
+        let idle = parameters.iter().zip(values).any(|(p, x)| p.is_neutral(*x));
+        (self.wheel.is_none() && idle).then_some("coulomb_friction_one_wheel")
+    }
+
+    fn contains(&self) -> &'static [&'static str] {
+        if self.wheel.is_none() { &["coulomb_friction", "coulomb_friction_one_wheel"] } else { &[] }
     }
 
     fn excitation(&self) -> &'static str {
@@ -74,9 +100,10 @@ impl Effect for CoulombFrictionOneWheel {
     }
 
     fn load(&self, p: &[f64], at: &Instant<'_>, outputs: &[f64], _state: &[f64], load: &mut [f64]) {
-        let (frame, side) = (&at.scene.frame, self.wheel.index());
-        let mut forces = [0.0; 2];
-        forces[side] = p[0] * smooth_sign(frame.wheels(outputs)[side], at.scene.scales.speed);
-        frame.add_at_wheels(forces, p.get(1).copied().unwrap_or(1.0), load);
+        let frame = &at.scene.frame;
+        let signs = frame.wheels(outputs).map(|s| smooth_sign(s, at.scene.scales.speed));
+        let (mut forces, mut sizes) = ([0.0; 2], p.iter());
+        self.wheels().zip(&mut sizes).for_each(|(wheel, size)| forces[wheel.index()] = size * signs[wheel.index()]);
+        frame.add_at_wheels(forces, sizes.next().copied().unwrap_or(1.0), load);
     }
 }

@@ -21,7 +21,7 @@
 //! | `backlash` | dynamics | play in the gears of both wheels |
 //! | `castor_drag` | dynamics | the drag of a castor that swings round or slides |
 //! | `coulomb_friction` | dynamics | dry friction of constant size at both wheels |
-//! | `coulomb_friction_one_wheel` | dynamics | dry friction at one wheel |
+//! | `coulomb_friction_one_wheel` | dynamics | dry friction at one wheel, or of another size at each |
 //! | `direction_asymmetry` | dynamics | dry friction that differs forwards and backwards |
 //! | `lateral_com_offset` | dynamics | the centre of mass lies to one side |
 //! | `payload_change` | dynamics | mass and moment of inertia change at some time |
@@ -187,9 +187,9 @@ fn sensors() -> Vec<Box<dyn Effect>> {
 fn dynamics() -> Vec<Box<dyn Effect>> {
     vec![
         Box::new(CoulombFriction::default()),
-        Box::new(CoulombFrictionOneWheel { wheel: Wheel::Left }),
-        Box::new(CoulombFrictionOneWheel { wheel: Wheel::Right }),
-        Box::new(CoulombFriction { each_wheel: true }),
+        Box::new(CoulombFrictionOneWheel { wheel: Some(Wheel::Left) }),
+        Box::new(CoulombFrictionOneWheel { wheel: Some(Wheel::Right) }),
+        Box::new(CoulombFrictionOneWheel { wheel: None }),
         Box::new(StribeckFriction {}),
         Box::new(RollingResistance {}),
         Box::new(DirectionAsymmetry {}),

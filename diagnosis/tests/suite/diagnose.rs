@@ -186,12 +186,12 @@ fn a_track_that_nobody_gave_is_found_by_what_acts_at_the_wheels() {
 /// At a track four times as wide as the robot's, friction of one wheel is nearly no friction of one wheel.
 #[test]
 fn a_narrow_track_is_found_by_a_friction_of_one_wheel() {
-    let friction = CoulombFrictionOneWheel { wheel: Wheel::Left };
+    let friction = CoulombFrictionOneWheel { wheel: Some(Wheel::Left) };
     let drive = Drive { samples: 1600, change: 0.06, forward: 0.02..0.2, turning: -4.0..4.0, seed: 83 };
     let (model, mut library) = (model(), library());
     let (mut training, mut random) = drive.driven(&*model, &THETA, 0.09, &friction, &[0.01, 1.0]);
     blur(&mut training, [0.002, 0.04], &mut random);
-    library.extend([Wheel::Left, Wheel::Right].map(|wheel| Box::new(CoulombFrictionOneWheel { wheel }) as Box<dyn Effect>));
+    library.extend([Wheel::Left, Wheel::Right].map(|wheel| Box::new(CoulombFrictionOneWheel { wheel: Some(wheel) }) as Box<dyn Effect>));
     let diagnosis = diagnose(&Question::new(&*model, &training, &library)).unwrap();
     assert_eq!(names(&diagnosis), ["coulomb_friction_one_wheel"], "{}", diagnosis.headline);
     let said = diagnosis.warnings.iter().find(|w| w.contains("track width is unknown")).unwrap();

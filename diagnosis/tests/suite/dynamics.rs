@@ -1,6 +1,8 @@
 //! Effects on the dynamics, each against an integration with very small steps of equations written anew.
 
 use crate::rig::{HALF_TRACK, body, integrate, sides};
+use wheelwright_core::effect::{Effect, Instant, Track};
+use wheelwright_core::simulation::Readout;
 use wheelwright_diagnosis::effects::{
     Backlash, BatterySag, Between, CastorDrag, CastorKind, CoulombFriction, CoulombFrictionOneWheel, DeadZone, DirectionAsymmetry,
     GainAsymmetry, LateralComOffset, PayloadChange, QuadraticDrag, RollingResistance, SagLaw, ScrubLaw, SlipLaw, Slope, Speeds,
@@ -24,7 +26,7 @@ fn coulomb_friction_brakes_each_wheel() {
         let error = rig.load_error(&CoulombFriction::default(), &[c, ratio], |x| off(wheels(x).map(|s| c * rig.sign(s)), ratio));
         assert!(error < 3e-4, "{error}");
     }
-    let each = CoulombFriction { each_wheel: true };
+    let each = CoulombFrictionOneWheel { wheel: None };
     let error = rig.load_error(&each, &[0.02, 0.05, 1.4], |x| {
         let [left, right] = wheels(x).map(|s| rig.sign(s));
         off([0.02 * left, 0.05 * right], 1.4)
@@ -41,7 +43,7 @@ fn coulomb_friction_brakes_each_wheel() {
 fn friction_of_one_wheel_leaves_the_other_alone() {
     let (c, ratio) = (0.07, 1.4);
     for (wheel, share) in [(Wheel::Left, [1.0, 0.0]), (Wheel::Right, [0.0, 1.0])] {
-        let effect = CoulombFrictionOneWheel { wheel };
+        let effect = CoulombFrictionOneWheel { wheel: Some(wheel) };
         let rig = body();
         let force = |s: [f64; 2], c: f64| [share[0] * c * rig.sign(s[0]), share[1] * c * rig.sign(s[1])];
         let error = rig.load_error(&effect, &[c, ratio], |x| off(force(wheels(x), c), ratio));
@@ -157,7 +159,7 @@ fn a_castor_swings_round_and_drags() {
         };
         let start = [rig.start[0], rig.start[1], steady(rig.start[0], rig.start[1])];
         let kind = CastorKind::Swivel;
-        let error = rig.error(&CastorDrag { kind }, &[f, d, l, dry, grease, ratio], start, &[], |_, u, [v, w, delta]| {
+        let error = rig.error(&CastorDrag { kind }, &[f, d, l, dry, grease, 0.4, ratio], start, &[], |_, u, [v, w, delta]| {
             let roll = v * delta.cos() - d * w * delta.sin();
             let swing = (-v * delta.sin() - d * w * delta.cos()) / l - w;
             // Forces of the ground on the castor's wheel, along it and across it, where it stands.
@@ -171,6 +173,23 @@ fn a_castor_swings_round_and_drags() {
         });
         assert!(error < 1e-3, "{error}");
     }
+}
+
+/// Where nothing moves nothing tells how a castor stands: it stands as it was left.
+#[test]
+fn a_castor_starts_from_rest_as_it_was_left() {
+    let rig = body();
+    let (scene, castor) = (rig.scene(), CastorDrag { kind: CastorKind::Swivel });
+    let begun = |from_rest: bool, outputs: &[f64]| {
+        let track = Track { from_rest, ..scene.tracks[0].clone() };
+        let at =
+            Instant { time: 0.0, span: 0.0, row: 0, stretch: rig.stretch(), track: &track, scene: &scene, readout: Readout::Instantaneous };
+        let mut state = [0.0; 4];
+        castor.begin(&[0.05, 0.2, 0.05, 0.0, 0.0, 2.0, 1.0], &at, &[0.0, 0.0], outputs, &mut state);
+        2.0 * state[1].atan2(state[0])
+    };
+    assert!((begun(true, &[1e-4, -2e-4]) - 2.0).abs() < 1e-12, "{}", begun(true, &[1e-4, -2e-4]));
+    assert!(begun(false, &[0.3, 0.0]).abs() < 1e-12, "{}", begun(false, &[0.3, 0.0]));
 }
 
 #[test]

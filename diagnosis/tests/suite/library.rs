@@ -93,8 +93,8 @@ fn a_lag_too_short_to_be_one_gives_the_base_run() {
 #[test]
 fn an_effect_part_of_which_does_nothing_is_the_narrower_one() {
     let (rig, scene) = (body(), body().scene());
-    let each = CoulombFriction { each_wheel: true };
-    let left = CoulombFrictionOneWheel { wheel: Wheel::Left };
+    let each = CoulombFrictionOneWheel { wheel: None };
+    let left = CoulombFrictionOneWheel { wheel: Some(Wheel::Left) };
     let (rise, plain) = (StribeckFriction {}, CoulombFriction::default());
     let check = |wide: &dyn Effect, [idle, active]: [&[f64]; 2], narrow: &dyn Effect, values: &[f64]| {
         assert_eq!((wide.narrower(idle, &scene), wide.narrower(active, &scene)), (Some(narrow.name()), None));

@@ -19,12 +19,12 @@ fn among(library: &[Box<dyn Effect>], training: &Dataset, held_out: Option<&Data
 /// Friction of a size for each wheel contains that of one wheel, and explains hardly more of it.
 #[test]
 fn a_wider_law_that_explains_hardly_more_is_no_other_explanation() {
-    let hidden = CoulombFrictionOneWheel { wheel: Wheel::Right };
+    let hidden = CoulombFrictionOneWheel { wheel: Some(Wheel::Right) };
     let library: Vec<Box<dyn Effect>> = vec![
         Box::new(CoulombFriction::default()),
-        Box::new(CoulombFriction { each_wheel: true }),
-        Box::new(CoulombFrictionOneWheel { wheel: Wheel::Left }),
-        Box::new(CoulombFrictionOneWheel { wheel: Wheel::Right }),
+        Box::new(CoulombFrictionOneWheel { wheel: None }),
+        Box::new(CoulombFrictionOneWheel { wheel: Some(Wheel::Left) }),
+        Box::new(CoulombFrictionOneWheel { wheel: Some(Wheel::Right) }),
         Box::new(DirectionAsymmetry {}),
     ];
     for seed in 1..=6 {
