@@ -76,7 +76,7 @@ pub(crate) fn tell(
     let (findings, open) = findings(search, selected, rests, &proof);
     let (mut flags, location) = review(question, search, selected, &findings)?;
     flags.extend(search.effects(&selected.state.effects).iter().zip(&findings).filter_map(|(effect, finding)| beyond(*effect, finding)));
-    if !findings.is_empty() {
+    if !numerical(setting, &selected.state.fit) {
         flags.extend(following(setting, noise, &selected.base));
     }
     flags.extend(story.means.clone().map(|found| means(found, setting.scene)));

@@ -39,6 +39,9 @@ const ASTRAY: f64 = 0.5;
 /// Angle \[rad\] by which it shifts what was found to go round enough to be fitted again: its radius is told by the angle after many turns.
 const SHIFTED: f64 = 0.1;
 
+/// How far a line may be off its order: as far as a wheel's radius that a person measured.
+const OFF_LINE: f64 = 0.05;
+
 /// What is said where the search ended before it had looked at everything.
 const STOPPED: &str = "the search ended at its limit of simulation: what further effects would explain, and what could stand in the place of those that \
                        were found, was not looked at to the end; a shorter recording, or an earlier model given as the one to compare with, leaves more room";
@@ -245,12 +248,17 @@ pub(crate) fn surroundings<'a>(
     setting.substeps = 1;
     setting.substeps = Runner::new(&setting, &[], &rough.point)?.substeps();
     let first = rough.likelihood(&setting);
-    let open: Vec<usize> = (0..question.library.len()).filter(|i| question.library[*i].inapplicable(setting.scene).is_none()).collect();
+    let open: Vec<usize> = (0..question.library.len()).filter(|i| tried(&*question.library[*i], setting.scene)).collect();
     let search = Search { setting, library: question.library, open, known: None };
     let rough = State { effects: Vec::new(), fit: rough };
     let responses = search.respond(&rough);
     let (whitening, base) = whitened(&search.setting, &rough.fit, &responses)?;
     Ok(Surroundings { search, rough, first, responses, whitening, base })
+}
+
+/// Whether an effect is tried on any recording that it applies to.
+pub(crate) fn tried(effect: &dyn Effect, scene: &Scene) -> bool {
+    effect.line().is_none() && effect.inapplicable(scene).is_none()
 }
 
 /// The effects that the evidence asks for; `closer` keeps the scene with the wheels' course as these tell it.
@@ -259,7 +267,27 @@ fn selected<'a>(start: Surroundings<'a>, known: Option<&'a Known>, closer: &'a O
     let search = Search { known, ..search };
     let known = with_known(&search, &base, &whitening);
     let selected = search.run(State { effects: Vec::new(), fit: base }, known, whitening, &responses)?;
-    Ok(come_round(Story { search, selected, responses, first, means: None }, closer))
+    Ok(in_line(come_round(Story { search, selected, responses, first, means: None }, closer)))
+}
+
+/// A story with the effect whose line stands out of what everything else leaves over, if there is one.
+fn in_line(mut story: Story<'_>) -> Story<'_> {
+    let Story { search, selected, .. } = &story;
+    if search.full(selected) {
+        return story;
+    }
+    let Some(line) = search.line(selected) else { return story };
+    let of = |i: &usize| search.effect(*i).line().is_some_and(|order| (line.order / order - 1.0).abs() < OFF_LINE);
+    let applies = |i: &usize| search.effect(*i).inapplicable(search.setting.scene).is_none();
+    let fitting: Vec<usize> = (0..search.library.len()).filter(of).filter(applies).collect();
+    let about = search.respond_of(&fitting, &State { effects: Vec::new(), fit: selected.base.clone() });
+    // One wheel, and the other as well.
+    for _ in 0..2 {
+        let Some(joined) = story.search.joined(&story.selected, &about) else { break };
+        story.selected = joined;
+        story.search.exchange(&mut story.selected, &story.responses, None);
+    }
+    story
 }
 
 /// Whether wheels stand elsewhere in one scene than in another, by more than an angle.

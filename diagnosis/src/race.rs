@@ -124,9 +124,11 @@ impl<'s, 'a> Racing<'s, 'a> {
     }
 }
 
-/// Whether a start has the same value for all parameters.
+/// Whether a start has the same value for all parameters of its columns.
 pub(crate) fn even(start: &Start) -> bool {
-    start.values.windows(2).all(|w| w[0] == w[1])
+    let mut tried = start.columns.iter().flatten().map(|j| start.values[*j]);
+    let first = tried.next();
+    tried.all(|value| Some(value) == first)
 }
 
 /// The first places, best first: each effect once, and not too many variants of one name.

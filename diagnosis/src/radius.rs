@@ -15,7 +15,7 @@ use rustfft::FftPlannerScalar;
 use rustfft::num_complex::Complex;
 use wheelwright_core::effect::{Frame, Scene};
 
-use crate::diagnose::{DECISIVE, Surroundings};
+use crate::diagnose::{DECISIVE, Surroundings, tried};
 use crate::question::Question;
 use crate::select::Search;
 use crate::track::{evidence, evidence_at_first};
@@ -72,7 +72,7 @@ pub(crate) fn shown(question: &Question<'_>, start: &Surroundings<'_>, headings:
     let Search { setting, library, open, .. } = &start.search;
     let wheels = strongest(start, question.track_width.is_none())?;
     let scene = Scene::new(setting.data, question.model, wheels.track_width, wheels.radius, headings);
-    let round: Vec<usize> = (0..library.len()).filter(|i| !open.contains(i) && library[*i].inapplicable(&scene).is_none()).collect();
+    let round: Vec<usize> = (0..library.len()).filter(|i| !open.contains(i) && tried(&*library[*i], &scene)).collect();
     let round = evidence(start, &scene, round);
     (round > DECISIVE && round > evidence_at_first(start) + DECISIVE).then_some(wheels)
 }

@@ -239,6 +239,12 @@ pub trait Effect: Debug + Send + Sync {
         None
     }
 
+    /// The multiple of a wheel's turning at which it leaves a line. An effect that has one is tried only where such a line stands out of what
+    /// everything else leaves over: it is too rare to be tried on every recording. By default there is none.
+    fn line(&self) -> Option<f64> {
+        None
+    }
+
     /// One plain sentence with magnitudes and units: "the left wheel's motor needs 0.31 V before it moves; the model had none".
     /// It names an interval where there is one.
     fn statement(&self, values: &[Estimate], scene: &Scene) -> String;

@@ -103,6 +103,23 @@ pub(crate) fn jittered<T>(
     noise: &Noise,
     ask: impl FnOnce(Jitter, &Comparison<'_>) -> T,
 ) -> Option<T> {
+    whitened(data, scene, run, left, noise, |comparison| Some(ask(jitter::find(comparison)?, comparison)))
+}
+
+/// What returns with a wheel's turning beside a free run that leaves `left`, if anything does.
+pub(crate) fn lined(data: &Dataset, scene: &Scene, run: &[Channels], left: Vec<Channels>, noise: &Noise) -> Option<OrderLine> {
+    whitened(data, scene, run, left, noise, orders::find)
+}
+
+/// Asks a test that looks at the whitened rest of a free run alone.
+fn whitened<T>(
+    data: &Dataset,
+    scene: &Scene,
+    run: &[Channels],
+    left: Vec<Channels>,
+    noise: &Noise,
+    ask: impl FnOnce(&Comparison<'_>) -> T,
+) -> T {
     let mut white = left;
     white.iter_mut().enumerate().for_each(|(s, left)| noise.whiten(s, left));
     let comparison = Comparison {
@@ -118,7 +135,7 @@ pub(crate) fn jittered<T>(
         rates: &[],
         jacobian: &[],
     };
-    Some(ask(jitter::find(&comparison)?, &comparison))
+    ask(&comparison)
 }
 
 /// Slope of a series, by central differences.

@@ -1,4 +1,4 @@
-//! The low-level loops integrate: i' = k (u − x), u' = u + i, on forward and angular velocity each.
+//! The low-level loops integrate: i' = k (u − x), u' = u + i, on forward and angular velocity each. Against winding up |i| ends at a clamp.
 
 use serde::{Deserialize, Serialize};
 use wheelwright_core::Effect;
@@ -11,6 +11,11 @@ use super::words::quantity;
 #[derive(Debug, Clone, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct IntegralAction {}
+
+/// A clamp this many times the typical command is none.
+const UNCLAMPED: f64 = 10.0;
+/// Clamps that are looked at, in typical commands.
+const CLAMPS: [f64; 6] = [0.6, 0.3, 0.15, 0.08, 0.04, 0.02];
 
 #[typetag::serde(name = "integral_action")]
 impl Effect for IntegralAction {
@@ -31,19 +36,43 @@ impl Effect for IntegralAction {
             .then(|| "the commands are no speeds, so there is no speed error to integrate".to_owned())
     }
 
-    fn parameters(&self, _scene: &Scene) -> Vec<EffectParameter> {
-        let of = |axis: Axis| EffectParameter::new("integral_gain", "1/s", (0.0, 50.0), 0.2).neutral(0.0).of("axis", axis.name());
-        vec![of(Axis::V), of(Axis::Omega)]
+    fn parameters(&self, scene: &Scene) -> Vec<EffectParameter> {
+        let gain = |axis: Axis| EffectParameter::new("integral_gain", "1/s", (0.0, 50.0), 0.2).neutral(0.0).of("axis", axis.name());
+        let clamp = |axis: Axis| {
+            let (typical, unit) = (scene.scales.inputs[axis.index()], &scene.inputs[axis.index()].unit);
+            let bounds = (0.002 * typical, UNCLAMPED * typical);
+            EffectParameter::new("clamp", unit, bounds, 0.05 * typical).neutral(bounds.1).of("axis", axis.name())
+        };
+        vec![gain(Axis::V), gain(Axis::Omega), clamp(Axis::V), clamp(Axis::Omega)]
     }
 
-    fn starts(&self, _scene: &Scene) -> Vec<Start> {
-        pairs([1.0, 1.0], &[0.15, 0.4, 1.0, 2.0, 4.0, 8.0])
+    fn starts(&self, scene: &Scene) -> Vec<Start> {
+        let mut all = pairs([1.0, 1.0], &[0.15, 0.4, 1.0, 2.0, 4.0, 8.0]);
+        all.iter_mut().for_each(|start| start.values.extend([0, 1].map(|i| UNCLAMPED * scene.scales.inputs[i])));
+        all
     }
 
-    fn statement(&self, values: &[Estimate], _scene: &Scene) -> String {
+    /// The same gains with a clamp, on both axes alike or on one: from none no small step leads to one.
+    fn detours(&self, values: &[f64], scene: &Scene) -> Vec<Vec<f64>> {
+        let clamped = |share: f64, axes: &[usize]| {
+            let mut values = values.to_vec();
+            axes.iter().for_each(|i| values[2 + i] = share * scene.scales.inputs[*i]);
+            values
+        };
+        [&[0, 1][..], &[0], &[1]].iter().flat_map(|axes| CLAMPS.map(|share| clamped(share, axes))).collect()
+    }
+
+    fn statement(&self, values: &[Estimate], scene: &Scene) -> String {
         let [forward, turn] = [values[0], values[1]].map(|k| quantity(k, "1/s"));
+        let parameters = self.parameters(scene);
+        let ends = |i: usize| (!parameters[i].is_neutral(values[i].value)).then(|| quantity(values[i], &parameters[i].unit));
+        let ends = match (ends(2), ends(3)) {
+            (Some(v), Some(w)) => format!(", which ends at {v} and {w}"),
+            (Some(one), None) | (None, Some(one)) => format!(", which ends at {one}"),
+            (None, None) => String::new(),
+        };
         format!(
-            "the speed loops correct lasting errors, with an integral gain of {forward} in forward and {turn} in turning motion; the model's had none"
+            "the speed loops correct lasting errors, with an integral gain of {forward} in forward and {turn} in turning motion{ends}; the model's had none"
         )
     }
 
@@ -67,9 +96,10 @@ impl Effect for IntegralAction {
     }
 
     fn command(&self, p: &[f64], at: &Instant<'_>, outputs: &[f64], state: &mut [f64], u: &mut [f64]) {
-        for (((state, k), u), x) in state.chunks_exact_mut(2).zip(p).zip(u).zip(outputs) {
+        let (gains, clamps) = p.split_at(2);
+        for ((((state, k), clamp), u), x) in state.chunks_exact_mut(2).zip(gains).zip(clamps).zip(u).zip(outputs) {
             let error = *u - x;
-            state[0] += 0.5 * k * at.span * (error + state[1]);
+            state[0] = (state[0] + 0.5 * k * at.span * (error + state[1])).max(-clamp.abs()).min(clamp.abs());
             state[1] = error;
             *u += state[0];
         }

@@ -13,7 +13,7 @@
 //! | `integral_action` | command | the speed loops integrate |
 //! | `wheel_radius_mismatch` | measurement | the wheels' radii differ from those of the odometry |
 //! | `track_width_error` | measurement | the odometry reckons with a wrong track |
-//! | `wheel_eccentricity` | measurement | a wheel's speed ripples once a turn |
+//! | `wheel_eccentricity` | measurement | a wheel's speed ripples once or twice a turn |
 //! | `sensor_delay` | measurement | measurements are late |
 //! | `encoder_quantisation` | measurement | speeds are whole counts over an interval |
 //! | `timestamp_jitter` | measurement | the stamps are off by chance |
@@ -172,10 +172,12 @@ fn sensors() -> Vec<Box<dyn Effect>> {
         Box::new(WheelRadiusMismatch::default()),
         Box::new(WheelRadiusMismatch { speeds: Speeds::Ground, ..WheelRadiusMismatch::default() }),
         Box::new(TrackWidthError {}),
-        Box::new(WheelEccentricity { wheel: Some(Wheel::Left), ripple: Ripple::Reading }),
-        Box::new(WheelEccentricity { wheel: Some(Wheel::Right), ripple: Ripple::Reading }),
-        Box::new(WheelEccentricity { wheel: Some(Wheel::Left), ripple: Ripple::Rolling }),
-        Box::new(WheelEccentricity { wheel: Some(Wheel::Right), ripple: Ripple::Rolling }),
+        Box::new(WheelEccentricity { wheel: Some(Wheel::Left), ripple: Ripple::Reading, oval: false }),
+        Box::new(WheelEccentricity { wheel: Some(Wheel::Right), ripple: Ripple::Reading, oval: false }),
+        Box::new(WheelEccentricity { wheel: Some(Wheel::Left), ripple: Ripple::Rolling, oval: false }),
+        Box::new(WheelEccentricity { wheel: Some(Wheel::Right), ripple: Ripple::Rolling, oval: false }),
+        Box::new(WheelEccentricity { wheel: Some(Wheel::Left), ripple: Ripple::Rolling, oval: true }),
+        Box::new(WheelEccentricity { wheel: Some(Wheel::Right), ripple: Ripple::Rolling, oval: true }),
         Box::new(SensorDelay::default()),
         Box::new(SensorDelay { each_axis: true }),
         Box::new(EncoderQuantisation::default()),

@@ -1,4 +1,5 @@
-//! Drag that grows with the square of speed: q_v v|v| against forward motion, q_ω ω|ω| against turning.
+//! Drag that grows with the square of speed: q_v v|v| against forward motion, q_ω ω|ω| against turning; or with another power n that is near 2,
+//! q x|x| (|x|/X)^(n−2) with X the typical size of x.
 //!
 //! Air, water, soft ground, a fan on the shaft. In channels without wheels each output has its own.
 
@@ -7,12 +8,30 @@ use wheelwright_core::Effect;
 use wheelwright_core::effect::{Confusion, EffectParameter, Estimate, Frame, Instant, Scene, Stage, Start};
 
 use super::force;
-use super::words::{percent, quantity};
+use super::words::{digits, percent, quantity};
 
 /// Quadratic drag.
 #[derive(Debug, Clone, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct QuadraticDrag {}
+
+/// The power of most drags, how far others are from it, and bounds: below lies friction.
+const POWER: f64 = 2.0;
+const SPREAD: f64 = 0.2;
+const POWERS: (f64, f64) = (1.2, 4.0);
+
+/// Typical size of forward and angular velocity.
+fn typical(scene: &Scene) -> [f64; 2] {
+    match scene.frame {
+        Frame::Sides { half_track } => [scene.scales.speed, scene.scales.speed / half_track],
+        _ => [0, 1].map(|i| scene.scales.outputs[i.min(scene.scales.outputs.len() - 1)]),
+    }
+}
+
+/// x|x| (|x|/X)^(n−2).
+fn grown(x: f64, size: f64, power: f64) -> f64 {
+    if power == POWER { x * x.abs() } else { x * x.abs().powf(power - 1.0) * size.powf(POWER - power) }
+}
 
 #[typetag::serde(name = "quadratic_drag")]
 impl Effect for QuadraticDrag {
@@ -37,7 +56,8 @@ impl Effect for QuadraticDrag {
             EffectParameter::new("drag", unit, (0.0, f64::INFINITY), 0.05 * size).neutral(0.0).of(kind, which)
         };
         let s = &scene.scales;
-        match scene.frame {
+        let power = EffectParameter::new("power", "1", POWERS, 0.1).usually(POWER, SPREAD);
+        let mut all: Vec<EffectParameter> = match scene.frame {
             Frame::Body { .. } => ["v", "omega"]
                 .iter()
                 .zip(["s/m", "s/rad"])
@@ -55,12 +75,14 @@ impl Effect for QuadraticDrag {
                 };
                 (0..s.outputs.len()).map(one).collect()
             }
-        }
+        };
+        all.push(power);
+        all
     }
 
     fn starts(&self, scene: &Scene) -> Vec<Start> {
-        let values: Vec<f64> = self.parameters(scene).iter().map(|p| p.scale).collect();
-        vec![Start { columns: (0..values.len()).map(|i| vec![i]).collect(), values, linear: true }]
+        let values: Vec<f64> = self.parameters(scene).iter().map(|p| p.usual.map_or(p.scale, |(usual, _)| usual)).collect();
+        vec![Start { columns: (0..values.len() - 1).map(|i| vec![i]).collect(), values, linear: true }]
     }
 
     fn statement(&self, values: &[Estimate], scene: &Scene) -> String {
@@ -73,13 +95,16 @@ impl Effect for QuadraticDrag {
             };
             format!("{} against {against}", quantity(*value, &p.unit))
         };
-        let all: Vec<String> = parameters.iter().zip(values).map(part).collect();
+        let (power, sizes) = values.split_last().map_or((POWER, values), |(power, sizes)| (power.value, sizes));
+        let all: Vec<String> = parameters.iter().zip(sizes).map(part).collect();
+        let grows =
+            if (power - POWER).abs() < 0.05 { "the square of speed".to_owned() } else { format!("speed to the power {}", digits(power)) };
         let share = match scene.frame {
             Frame::Channels => values[0].value * scene.scales.outputs[0].powi(2) / scene.scales.inputs[0],
             _ => values[0].value * scene.scales.speed.powi(2) / force::command(scene, 0),
         };
         format!(
-            "a drag grows with the square of speed, {}: {} of the command at the typical speed; the model had none",
+            "a drag grows with {grows}, {}: {} of the command at the typical speed; the model had none",
             all.join(" and "),
             percent(share)
         )
@@ -98,12 +123,14 @@ impl Effect for QuadraticDrag {
     }
 
     fn load(&self, p: &[f64], at: &Instant<'_>, outputs: &[f64], _state: &[f64], load: &mut [f64]) {
-        let frame = &at.scene.frame;
+        let (frame, scene) = (&at.scene.frame, at.scene);
+        let Some((power, sizes)) = p.split_last() else { return };
         if frame.has_wheels() {
-            let [v, w] = frame.body(outputs);
-            frame.add_at_body([p[0] * v * v.abs(), p[1] * w * w.abs()], load);
+            let (motion, typical) = (frame.body(outputs), typical(scene));
+            frame.add_at_body([0, 1].map(|i| sizes[i] * grown(motion[i], typical[i], *power)), load);
         } else {
-            load.iter_mut().zip(p).zip(outputs).for_each(|((load, q), x)| *load += q * x * x.abs());
+            let each = sizes.iter().zip(outputs).zip(&scene.scales.outputs);
+            load.iter_mut().zip(each).for_each(|(load, ((q, x), typical))| *load += q * grown(*x, *typical, *power));
         }
     }
 }

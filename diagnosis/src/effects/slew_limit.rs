@@ -1,8 +1,8 @@
 //! The command cannot change faster than a rate: |dU'/dt| ≤ a, on each axis, on one axis, or on each wheel.
 //!
 //! With `slowing`, |U'| falls at a rate of its own: drivers and motor controllers set acceleration and deceleration apart. Where the sign changes,
-//! it falls to zero first and grows from there; whether the way to zero is slowing down differs from one controller to the next, so that it has a
-//! rate too.
+//! it falls to zero first and grows from there; whether the way to zero is slowing down differs from one controller to the next, so that there it
+//! falls at another multiple of that rate.
 
 use serde::{Deserialize, Serialize};
 use wheelwright_core::Effect;
@@ -29,8 +29,8 @@ pub struct SlewLimit {
 /// Rates that are tried where slowing down has its own, in sizes of the command a second, and how many times as fast it is.
 const SPEEDING: [f64; 5] = [0.25, 0.6, 1.5, 4.0, 10.0];
 const SLOWING: [f64; 2] = [0.5, 2.0];
-/// Names of the rates.
-const RATES: [&str; 3] = ["rate", "slowing_rate", "reversing_rate"];
+/// Multiples of the rate of slowing down at which a command may fall that reverses.
+const REVERSING: (f64, f64) = (0.05, 20.0);
 
 impl SlewLimit {
     fn parts(&self, scene: &Scene) -> Parts {
@@ -44,8 +44,11 @@ fn unit(part: &Part) -> String {
 
 /// The rates of a part for speeding up, slowing down, and slowing down in order to reverse, by the number of its first parameter.
 fn rates(p: &[f64], slowing: bool, i: usize) -> [f64; 3] {
-    let parts = p.len() / RATES.len();
-    std::array::from_fn(|k| p[if slowing { k * parts + i } else { i }])
+    if !slowing {
+        return [p[i]; 3];
+    }
+    let parts = p.len() / 3;
+    [p[i], p[parts + i], p[parts + i] * p[2 * parts + i]]
 }
 
 /// How far a command goes on its way before its rate changes, and which of the rates it has until then.
@@ -105,7 +108,12 @@ impl Effect for SlewLimit {
         let of =
             |name: &str, p: &Part| p.parameter(name, &unit(p), (lowest * p.typical, f64::INFINITY), 0.3 * p.typical).neutral(f64::INFINITY);
         let parts = self.parts(scene).list(scene);
-        RATES[..if self.slowing { RATES.len() } else { 1 }].iter().flat_map(|name| parts.iter().map(|p| of(name, p))).collect()
+        let mut all: Vec<EffectParameter> = parts.iter().map(|p| of("rate", p)).collect();
+        if self.slowing {
+            all.extend(parts.iter().map(|p| of("slowing_rate", p)));
+            all.extend(parts.iter().map(|p| p.parameter("reversing", "1", REVERSING, 0.2).usually(1.0, 1.0)));
+        }
+        all
     }
 
     fn starts(&self, scene: &Scene) -> Vec<Start> {
@@ -113,8 +121,12 @@ impl Effect for SlewLimit {
         if self.slowing {
             let n = sizes.len();
             let at = |share: f64, times: f64| Start {
-                values: [share, share * times, share * times].iter().flat_map(|rate| sizes.iter().map(move |size| rate * size)).collect(),
-                columns: (0..n).map(|i| (i..RATES.len() * n).step_by(n).collect()).collect(),
+                values: [share, share * times]
+                    .iter()
+                    .flat_map(|rate| sizes.iter().map(move |size| rate * size))
+                    .chain(vec![1.0; n])
+                    .collect(),
+                columns: (0..n).map(|i| vec![i, n + i]).collect(),
                 linear: false,
             };
             return SPEEDING.iter().flat_map(|share| SLOWING.map(|times| at(*share, times))).collect();
@@ -132,8 +144,14 @@ impl Effect for SlewLimit {
                 false => format!("{} command {how} by at most {}", p.whose, quantity(v, &unit(p))),
             })
         };
-        let ways: &[&str] = if self.slowing { &["speeds up", "slows down", "slows down to reverse"] } else { &["changes"] };
-        let said = values.chunks(parts.len()).zip(ways).map(|(values, how)| of(values, how)).collect::<Vec<_>>().join(", ");
+        let said = match values.chunks(parts.len()).collect::<Vec<_>>()[..] {
+            [up, down, reversing] => {
+                let back = |v: &Estimate| format!("{} times as fast", quantity(*v, "1"));
+                let back = reversing.iter().map(back).collect::<Vec<_>>().join(" and ");
+                format!("{}, {}, and {back} where it reverses", of(up, "speeds up"), of(down, "slows down"))
+            }
+            _ => of(values, "changes"),
+        };
         format!("{said}; the model had no ramp")
     }
 

@@ -1,11 +1,12 @@
-//! A wheel that is not round, or not round its axle: once a turn its radius is (1 + ε), ε = A cos φ + B sin φ, φ = distance / r.
+//! A wheel that is not round, or not round its axle: its radius is (1 + ε) times r, ε = A cos φ + B sin φ, φ = n · distance / r, n = 1 or, if it is
+//! oval, 2.
 //!
 //! `reading`: the recorded speed s of the wheel gains s ε, and the robot moves as if nothing was: an encoder or an odometry that is off its
 //! centre, outside the loop.
 //!
 //! `rolling`: the wheel itself is, and the ground's own speed is recorded. A loop that keeps the wheel's rate drives the ground speed by
 //! s ε, which the robot's inertia follows as it follows a command: a load −s ε. The wheel and its motor are sped up and slowed down once a turn,
-//! and push the robot by that: a load −τ (s ε)', of which the greater part is −τ s²/r dε/dφ. The axle rises and falls with the radius, and the
+//! and push the robot by that: a load −τ (s ε)', of which the greater part is −τ n s²/r dε/dφ. The axle rises and falls with the radius, and the
 //! weight on the wheel pushes it once a turn: a load C cos φ + D sin φ. Both count in turning by the turning ratio.
 
 use serde::{Deserialize, Serialize};
@@ -40,9 +41,22 @@ pub struct WheelEccentricity {
     pub wheel: Option<Wheel>,
     /// Where the ripple comes in. Default `reading`.
     pub ripple: Ripple,
+    /// An oval wheel, which ripples twice a turn. Default `false`.
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    pub oval: bool,
 }
 
 impl WheelEccentricity {
+    /// The same in words.
+    fn often(&self) -> &'static str {
+        if self.oval { "twice" } else { "once" }
+    }
+
+    /// How often it ripples in a turn.
+    fn per_turn(&self) -> f64 {
+        if self.oval { 2.0 } else { 1.0 }
+    }
+
     /// The wheels that ripple.
     fn wheels(&self) -> impl Iterator<Item = Wheel> + use<> {
         let only = self.wheel;
@@ -78,9 +92,10 @@ impl Effect for WheelEccentricity {
     }
 
     fn about(&self) -> String {
+        let often = self.often();
         match self.ripple {
-            Ripple::Reading => "a wheel's recorded speed ripples once a turn".to_owned(),
-            Ripple::Rolling => "a wheel that is not round drives unevenly, once a turn".to_owned(),
+            Ripple::Reading => format!("a wheel's recorded speed ripples {often} a turn"),
+            Ripple::Rolling => format!("a wheel that is not round drives unevenly, {often} a turn"),
         }
     }
 
@@ -140,12 +155,17 @@ impl Effect for WheelEccentricity {
             };
             Start { values: all.iter().map(value).collect(), columns: free.clone().map(|i| vec![i]).collect(), linear: true }
         };
-        let step = STEP.min(ASTRAY * radius(scene) / rolled(scene)).max(OFF / MOST);
+        let step = STEP.min(ASTRAY * radius(scene) / (self.per_turn() * rolled(scene))).max(OFF / MOST);
         let steps = (OFF / step) as i32;
         // Nearest to the known radius first.
         (0..=2 * steps).map(|i| if i % 2 == 0 { i / 2 } else { -(i + 1) / 2 }).map(|i| at(step * f64::from(i))).collect()
     }
 
+    fn line(&self) -> Option<f64> {
+        self.oval.then(|| self.per_turn())
+    }
+
+    /// By an angle of the ripple.
     fn turned(&self, values: &[f64], part: usize, angle: f64) -> Option<Vec<f64>> {
         let wheels = self.wheels().count();
         let pairs = if self.ripple == Ripple::Rolling { vec![part, wheels + part] } else { vec![part] };
@@ -160,12 +180,13 @@ impl Effect for WheelEccentricity {
     }
 
     fn statement(&self, values: &[Estimate], _scene: &Scene) -> String {
+        let often = self.often();
         let said = self.wheels().zip(values.chunks_exact(2)).map(|(wheel, pair)| {
             let size = pair[0].value.hypot(pair[1].value);
             match self.ripple {
-                Ripple::Reading => format!("the {} wheel's speed ripples by {} % once a turn", wheel.word(), digits(100.0 * size)),
+                Ripple::Reading => format!("the {} wheel's speed ripples by {} % {often} a turn", wheel.word(), digits(100.0 * size)),
                 Ripple::Rolling => {
-                    format!("the {} wheel's radius varies by {} % either way once a turn", wheel.word(), digits(100.0 * size))
+                    format!("the {} wheel's radius varies by {} % either way {often} a turn", wheel.word(), digits(100.0 * size))
                 }
             }
         });
@@ -197,10 +218,10 @@ impl Effect for WheelEccentricity {
         let (mut driven, mut pushed) = ([0.0; 2], [0.0; 2]);
         for (i, wheel) in self.wheels().enumerate() {
             let side = wheel.index();
-            let (sin, cos) = (at.distance(side) / radius).sin_cos();
+            let (sin, cos) = (self.per_turn() * at.distance(side) / radius).sin_cos();
             let of = |k: usize, cos: f64, sin: f64| rest[k] * cos + rest[k + 1] * sin;
             driven[side] = -speeds[side] * of(2 * i, cos, sin);
-            let growing = speeds[side].powi(2) / radius * of(2 * i, -sin, cos);
+            let growing = self.per_turn() * speeds[side].powi(2) / radius * of(2 * i, -sin, cos);
             pushed[side] = of(2 * (n + i), cos, sin) - spin_up * growing;
         }
         // What the loop is told is no force: it counts alike on both axes.
@@ -217,7 +238,7 @@ impl Effect for WheelEccentricity {
         let mut ripple = [0.0; 2];
         for (wheel, pair) in self.wheels().zip(amplitudes.chunks_exact(2)) {
             let side = wheel.index();
-            let (sin, cos) = (at.distance(side) / radius).sin_cos();
+            let (sin, cos) = (self.per_turn() * at.distance(side) / radius).sin_cos();
             ripple[side] = speeds[side] * (pair[0] * cos + pair[1] * sin);
         }
         outputs.iter_mut().zip(frame.from_wheels(ripple)).for_each(|(x, d)| *x += d);

@@ -1,7 +1,7 @@
 //! Each member's place is contested: another effect may explain more in it, or none may be needed there.
 
 use super::{COMPARING, EXCHANGE, FINAL, MOST, Rival, SHARE, Search, Selected, State};
-use crate::adequacy::{Jitter, jittered};
+use crate::adequacy::{Jitter, OrderLine, jittered, lined};
 use crate::comparison::Comparison;
 use crate::fit::search::{Fit, left};
 use crate::fit::setting::Setting;
@@ -112,6 +112,14 @@ impl<'a> Search<'a> {
     /// How the stamps jitter beside a selection, if they do.
     pub(crate) fn jitter(&self, selected: &Selected) -> Option<Jitter> {
         self.jittered(selected, |jitter, _| jitter)
+    }
+
+    /// What returns with a wheel's turning beside a selection, if anything does.
+    pub(crate) fn line(&self, selected: &Selected) -> Option<OrderLine> {
+        let Setting { data, scene, layout, .. } = &self.setting;
+        let simulated = &selected.state.fit.simulated;
+        let rest = layout.series(&left(&self.setting, simulated));
+        lined(data, scene, &layout.series(simulated), rest, &selected.whitening.noise)
     }
 
     fn jittered<T>(&self, selected: &Selected, ask: impl FnOnce(Jitter, &Comparison<'_>) -> T) -> Option<T> {

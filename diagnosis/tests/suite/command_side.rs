@@ -191,13 +191,19 @@ fn a_ramp_may_slow_down_at_another_rate() {
         [[0.4, 1.3, 1.1, 0.6, 1.1, 0.6], [1.2, 0.8, 0.5, 3.0, 1.2, 0.8], [0.6, 1.0, 1.0, 2.0, 0.8, 3.0]]
     {
         let axes = SlewLimit { slowing: true, ..SlewLimit::default() };
-        let error = difference(&[&axes], &[forward, turn, braking, unwinding, back, over], &[], [0.3, 0.2, 0.3, 0.2], |s, t, x| {
-            let (u, a) = (held(s, t), base([x[2], x[3]], x));
-            [a[0], a[1], pursuit(u[0], x[2], [forward, braking, back]), pursuit(u[1], x[3], [turn, unwinding, over])]
-        });
+        let error = difference(
+            &[&axes],
+            &[forward, turn, braking, unwinding, back / braking, over / unwinding],
+            &[],
+            [0.3, 0.2, 0.3, 0.2],
+            |s, t, x| {
+                let (u, a) = (held(s, t), base([x[2], x[3]], x));
+                [a[0], a[1], pursuit(u[0], x[2], [forward, braking, back]), pursuit(u[1], x[3], [turn, unwinding, over])]
+            },
+        );
         let [l, r] = wheels([0.3, 0.2]);
         let (at_wheels, rates) = (SlewLimit { wheels: true, slowing: true, axis: None }, [forward, braking, back]);
-        let by_wheel = difference(&[&at_wheels], &rates, &[], [0.3, 0.2, l, r], |s, t, x| {
+        let by_wheel = difference(&[&at_wheels], &[forward, braking, back / braking], &[], [0.3, 0.2, l, r], |s, t, x| {
             let ([l, r], a) = (wheels(held(s, t)), base(body([x[2], x[3]]), x));
             [a[0], a[1], pursuit(l, x[2], rates), pursuit(r, x[3], rates)]
         });
@@ -266,12 +272,17 @@ fn an_offset_is_added() {
 #[test]
 fn loops_integrate_their_error() {
     for (forward, turn) in [(0.4, 0.0), (2.5, 6.0)] {
-        let error = difference(&[&IntegralAction {}], &[forward, turn], &[], [0.3, 0.2, 0.0, 0.0], |s, t, x| {
-            let u = held(s, t);
-            let a = base([u[0] + x[2], u[1] + x[3]], x);
-            [a[0], a[1], forward * (u[0] - x[0]), turn * (u[1] - x[1])]
-        });
-        assert!(error < 1e-4, "{forward} {turn}: {error}");
+        for (ends, most) in [([1e3, 1e3], 1e-4), ([0.02, 0.04], 1e-3)] {
+            let error = difference(&[&IntegralAction {}], &[forward, turn, ends[0], ends[1]], &[], [0.3, 0.2, 0.0, 0.0], |s, t, x| {
+                let u = held(s, t);
+                let a = base([u[0] + x[2], u[1] + x[3]], x);
+                // Against winding up: an integral at its end goes no further.
+                let grows =
+                    |k: f64, i: usize| if x[2 + i].abs() >= ends[i] && (u[i] - x[i]) * x[2 + i] > 0.0 { 0.0 } else { k * (u[i] - x[i]) };
+                [a[0], a[1], grows(forward, 0), grows(turn, 1)]
+            });
+            assert!(error < most, "{forward} {turn} {ends:?}: {error}");
+        }
     }
 }
 

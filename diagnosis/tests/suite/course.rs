@@ -29,7 +29,7 @@ fn rippling(model: &dyn RegressorModel, limit: f64, off: f64) -> Dataset {
 }
 
 fn library() -> Vec<Box<dyn Effect>> {
-    let off = |wheel| Box::new(WheelEccentricity { wheel: Some(wheel), ripple: Ripple::Reading }) as Box<dyn Effect>;
+    let off = |wheel| Box::new(WheelEccentricity { wheel: Some(wheel), ripple: Ripple::Reading, oval: false }) as Box<dyn Effect>;
     vec![Box::new(VelocitySaturation::default()), off(Wheel::Left), off(Wheel::Right)]
 }
 

@@ -23,7 +23,7 @@ fn nothing_is_named_where_nothing_is_hidden_white_or_coloured() {
 #[test]
 fn what_is_hidden_is_named_with_its_size_within_its_interval() {
     let (friction, delay, drag) = (CoulombFriction::default(), CommandDelay::default(), QuadraticDrag::default());
-    let cases: [(&dyn Effect, &[f64], usize); 3] = [(&friction, &[0.03, 1.0], 0), (&delay, &[0.12], 0), (&drag, &[0.25, 0.1], 0)];
+    let cases: [(&dyn Effect, &[f64], usize); 3] = [(&friction, &[0.03, 1.0], 0), (&delay, &[0.12], 0), (&drag, &[0.25, 0.1, 2.0], 0)];
     for (seed, (effect, values, which)) in cases.into_iter().enumerate() {
         let held = record(100 + seed as u64, 800, true, &[(effect, values)], 0.0);
         let diagnosis = ask(&record(10 + seed as u64, 1600, true, &[(effect, values)], 0.0), Some(&held));
@@ -218,14 +218,15 @@ fn a_search_that_had_its_share_ends_with_what_it_has_and_says_so() {
     assert!(!ended(&limited(u64::MAX)));
 }
 
-/// What a right wheel that is off its axle makes of a record: its speed ripples with the angle that it has really turned.
-fn rippled(mut data: Dataset, amplitude: f64, radius: f64, standing: f64, noise: &[Vec<f64>]) -> Dataset {
+/// What a right wheel that is off its axle makes of a record, or with two waves a turn an oval one: its speed ripples with the angle that it has
+/// really turned.
+fn rippled(mut data: Dataset, amplitude: f64, radius: f64, standing: f64, waves: f64, noise: &[Vec<f64>]) -> Dataset {
     let (h, s) = (0.5 * TRACK, &mut data.stretches[0]);
     let mut angle = standing;
     for (k, (v, omega)) in noise[0].iter().zip(&noise[1]).enumerate() {
         let right = s.outputs[0][k] + h * s.outputs[1][k];
         angle += right * 0.05 / radius;
-        let ripple = right * amplitude * angle.sin();
+        let ripple = right * amplitude * (waves * angle).sin();
         s.outputs[0][k] += 0.5 * ripple + v;
         s.outputs[1][k] += 0.5 * ripple / h + omega;
     }
@@ -236,22 +237,27 @@ fn rippled(mut data: Dataset, amplitude: f64, radius: f64, standing: f64, noise:
 #[test]
 fn an_eccentric_wheel_is_the_same_wherever_it_stood_at_first() {
     let (amplitude, radius) = (0.05, 0.0803);
-    let recorded = |seed: u64, rows: usize, standing: f64| {
-        let quiet = record_with(0.0, TRACK, seed, rows, true, &[], 0.0);
-        rippled(quiet, amplitude, radius, standing, &noise_of(seed, rows))
-    };
-    let (training, held) = (recorded(91, 3000, 0.4), recorded(92, 1200, 2.9));
-    let (model, mut library) = (model(), library());
-    let one = |wheel| WheelEccentricity { wheel: Some(wheel), ripple: Ripple::Reading };
-    library.extend([Wheel::Left, Wheel::Right].map(|wheel| Box::new(one(wheel)) as Box<dyn Effect>));
-    let mut question = Question::new(&*model, &training, &library);
-    (question.held_out, question.track_width, question.wheel_radius) = (Some(&held), Some(TRACK), Some(0.08));
-    let diagnosis = diagnose(&question).unwrap();
-    assert_eq!((diagnosis.verdict, names(&diagnosis)), (Verdict::Explained, vec!["wheel_eccentricity"]), "{}", diagnosis.headline);
-    let [cosine, sine, found] = [0, 1, 2].map(|i| diagnosis.effects[0].parameters[i].value);
-    assert!((found / radius - 1.0).abs() < 5e-4 && (cosine.hypot(sine) / amplitude - 1.0).abs() < 0.1, "{found} {cosine} {sine}");
-    let (after, ceiling) = (&diagnosis.fit.after, diagnosis.fit.noise_ceiling.as_ref().unwrap());
-    assert!(after.iter().zip(ceiling).all(|(a, c)| c - a < 0.3), "{:?}", diagnosis.fit);
+    let model = model();
+    for (oval, waves) in [(false, 1.0), (true, 2.0)] {
+        let recorded = |seed: u64, rows: usize, standing: f64| {
+            let quiet = record_with(0.0, TRACK, seed, rows, true, &[], 0.0);
+            rippled(quiet, amplitude, radius, standing, waves, &noise_of(seed, rows))
+        };
+        let (training, held) = (recorded(91, 3000, 0.4), recorded(92, 1200, 2.9));
+        let one = |(wheel, oval)| WheelEccentricity { wheel: Some(wheel), ripple: Ripple::Reading, oval };
+        let all = [(Wheel::Left, false), (Wheel::Right, false), (Wheel::Left, true), (Wheel::Right, true)];
+        let mut library = library();
+        library.extend(all.map(|kind| Box::new(one(kind)) as Box<dyn Effect>));
+        let mut question = Question::new(&*model, &training, &library);
+        (question.held_out, question.track_width, question.wheel_radius) = (Some(&held), Some(TRACK), Some(0.08));
+        let diagnosis = diagnose(&question).unwrap();
+        assert_eq!((diagnosis.verdict, names(&diagnosis)), (Verdict::Explained, vec!["wheel_eccentricity"]), "{}", diagnosis.headline);
+        assert_eq!(diagnosis.headline.contains("twice a turn"), oval, "{}", diagnosis.headline);
+        let [cosine, sine, found] = [0, 1, 2].map(|i| diagnosis.effects[0].parameters[i].value);
+        assert!((found / radius - 1.0).abs() < 5e-4 && (cosine.hypot(sine) / amplitude - 1.0).abs() < 0.1, "{found} {cosine} {sine}");
+        let (after, ceiling) = (&diagnosis.fit.after, diagnosis.fit.noise_ceiling.as_ref().unwrap());
+        assert!(after.iter().zip(ceiling).all(|(a, c)| c - a < 0.3), "{:?}", diagnosis.fit);
+    }
 }
 
 /// Where the clock has its zero says nothing about how finely a time shows.

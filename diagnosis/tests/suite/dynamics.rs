@@ -111,10 +111,16 @@ fn viscous_friction_by_wheel_and_by_direction() {
 #[test]
 fn quadratic_drag_brakes_both_motions() {
     let rig = body();
-    let error = rig.load_error(&QuadraticDrag {}, &[0.3, 0.2], |[v, w]| [0.3 * v * v.abs(), 0.2 * w * w.abs()]);
-    assert!(error < 1e-4, "{error}");
+    let typical = rig.scene().scales.outputs;
+    for power in [2.0, 1.6, 2.7] {
+        let error = rig.load_error(&QuadraticDrag {}, &[0.3, 0.2, power], |x| {
+            let drag = |q: f64, i: usize| q * typical[i].powi(2) * x[i].signum() * (x[i].abs() / typical[i]).powf(power);
+            [drag(0.3, 0), drag(0.2, 1)]
+        });
+        assert!(error < 1e-4, "{power}: {error}");
+    }
     let rig = sides();
-    let error = rig.load_error(&QuadraticDrag {}, &[0.4, 0.05], |[left, right]| {
+    let error = rig.load_error(&QuadraticDrag {}, &[0.4, 0.05, 2.0], |[left, right]| {
         let (v, w) = (0.5 * (left + right), (right - left) / (2.0 * HALF_TRACK));
         let (forward, turn) = (0.4 * v * v.abs(), 0.05 * w * w.abs() * HALF_TRACK);
         [forward - turn, forward + turn]
@@ -501,10 +507,20 @@ fn the_ground_carries_what_bearings_leave_against_what_pulls_at_the_robot() {
     let slip = WheelSlip { law: SlipLaw::Creep };
     let (friction, air, mass) = (CoulombFriction::default(), QuadraticDrag::default(), LateralComOffset::default());
     let [v, w] = rig.start;
-    let one =
-        rig.joint_error(&[&friction, &air, &slip, &mass], &[dry, 1.0, drag[0], drag[1], creep, 0.0, 1.0, offset, 1.0], [v, w], &[], slope);
-    let other =
-        rig.joint_error(&[&mass, &slip, &air, &friction], &[offset, 1.0, creep, 0.0, 1.0, drag[0], drag[1], dry, 1.0], [v, w], &[], slope);
+    let one = rig.joint_error(
+        &[&friction, &air, &slip, &mass],
+        &[dry, 1.0, drag[0], drag[1], 2.0, creep, 0.0, 1.0, offset, 1.0],
+        [v, w],
+        &[],
+        slope,
+    );
+    let other = rig.joint_error(
+        &[&mass, &slip, &air, &friction],
+        &[offset, 1.0, creep, 0.0, 1.0, drag[0], drag[1], 2.0, dry, 1.0],
+        [v, w],
+        &[],
+        slope,
+    );
     assert!(one < 5e-4 && (one - other).abs() < 1e-12, "{one} and {other}");
 }
 

@@ -156,7 +156,11 @@ fn an_eccentric_wheel_ripples_once_a_turn() {
     let rig = rig();
     let truth = rig.truth(&[]);
     let (a, b, radius) = (0.03, -0.05, 0.093);
-    let run = rig.run(&WheelEccentricity { wheel: Some(Wheel::Right), ripple: Ripple::Reading }, &[a, b, radius], Readout::Instantaneous);
+    let run = rig.run(
+        &WheelEccentricity { wheel: Some(Wheel::Right), ripple: Ripple::Reading, oval: false },
+        &[a, b, radius],
+        Readout::Instantaneous,
+    );
     // The recorded distance of the right wheel, by the trapezoidal rule.
     let s = rig.stretch();
     let mut distance = vec![0.0];
@@ -176,7 +180,7 @@ fn an_eccentric_wheel_ripples_once_a_turn() {
 #[test]
 fn a_wheel_off_its_axle_is_driven_unevenly_carries_weight_and_is_sped_up() {
     let rig = rig();
-    let effect = WheelEccentricity { wheel: Some(Wheel::Left), ripple: Ripple::Rolling };
+    let effect = WheelEccentricity { wheel: Some(Wheel::Left), ripple: Ripple::Rolling, oval: false };
     let (a, b, c, d, spin_up, ratio, radius) = (0.03, -0.05, 0.02, 0.07, 0.04, 1.7, 0.093);
     let row = rig.stretch().len() / 2;
     let at = Instant {
