@@ -290,7 +290,8 @@ pub trait Effect: Debug + Send + Sync {
     }
 
     /// Command effects: lets `at.span` seconds pass up to `at.time` and changes `u` from what arrived to what goes on. `u` is
-    /// the arriving command at `at.time`, `outputs` the outputs then. A span of zero follows each switch of the command.
+    /// the arriving command at `at.time`, `outputs` for a [loop](Stage::Loop) the outputs then; all others are asked before a step is taken, and
+    /// get those at its start. A span of zero follows each switch of the command.
     fn command(&self, _p: &[f64], _at: &Instant<'_>, _outputs: &[f64], _state: &mut [f64], _u: &mut [f64]) {}
 
     /// Command effects: whether the command that goes on stays as it is while the arriving one does, unless the effect

@@ -27,6 +27,8 @@ pub(super) struct Slots<'a> {
     drives: Range<usize>,
     /// Whether the command that goes on changes only where a piece of an interval begins.
     pub(super) held: bool,
+    /// Whether the command that goes on hangs on the outputs.
+    pub(super) looped: bool,
     /// Whether anything changes what is recorded.
     pub(super) sensed: bool,
     /// Whether a load or a drive effect has numbers that change along the way.
@@ -66,9 +68,10 @@ impl<'a> Slots<'a> {
         let loads = bearings.end..before(&|s| s <= Stage::Load);
         let drives = loads.end..before(&|s| s.place() != Place::Measurement);
         let held = slots[commands.clone()].iter().all(|s| s.effect.holds());
+        let looped = slots.iter().any(|s| s.stage == Stage::Loop);
         let advancing = slots[bearings.start..drives.end].iter().any(|s| !s.states.is_empty());
         let sensed = slots.iter().any(|s| s.senses);
-        Self { slots, commands, bearings, loads, drives, held, sensed, advancing, states }
+        Self { slots, commands, bearings, loads, drives, held, looped, sensed, advancing, states }
     }
 
     /// Replaces all values, given in the caller's order.

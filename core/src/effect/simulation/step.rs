@@ -11,6 +11,9 @@ use crate::effect::{Instant, Scene};
 use crate::model::{ModelError, RegressorModel};
 use crate::simulation::{Readout, row, square_row};
 
+/// Share of a step before its end that is the end, but for what switches there.
+const JUST: f64 = 1e-6;
+
 /// Outputs and inputs of the step in progress.
 #[derive(Debug)]
 pub(super) struct Body {
@@ -22,6 +25,9 @@ pub(super) struct Body {
     n1: Vec<f64>,
     next: Vec<f64>,
     u: Vec<f64>,
+    /// Commands of which the line through a step's start and its middle is the nearest to what arrives.
+    start: Vec<f64>,
+    middle: Vec<f64>,
     travelled: Vec<f64>,
     /// One over the root mean square of each output.
     fineness: Vec<f64>,
@@ -52,6 +58,8 @@ impl Body {
             n1: buffer(),
             next: buffer(),
             u: input(),
+            start: input(),
+            middle: input(),
             travelled: buffer(),
             fineness: scene.scales.outputs.iter().map(|s| 1.0 / s).collect(),
             work: Work { net: input(), load: input(), drive: input(), given: input(), held: input() },
@@ -202,8 +210,25 @@ impl EffectSimulator<'_> {
         let ([half, half_forcing, full, start, middle], part) = (linear.weights(size), &linear.part[..size]);
         let (x, mid, next) = (&mut b.x[..n], &mut b.mid[..n], &mut b.next[..n]);
         let (n0, nm) = (&mut b.n0[..n], &mut b.nm[..n]);
+        let middle_at = Instant { time: at.time + 0.5 * h, span: 0.5 * h, ..*at };
+        let end = Instant { time: at.time + h, span: 0.5 * h, ..*at };
+        let ahead = !slots.held && !slots.looped;
+        if ahead {
+            // What filters and ramps make of a command hangs on no output, and the whole step of it is known before any of it is taken. A parabola
+            // has the mean (u0 + 4 um + u1)/6, and the line nearest to it rises by u1 − u0.
+            b.start.copy_from_slice(&b.u);
+            slots.command(&middle_at, x, state, &mut b.u);
+            b.middle.copy_from_slice(&b.u);
+            // Before what switches there.
+            slots.command(&Instant { time: end.time - JUST * h, ..end }, x, state, &mut b.u);
+            for ((start, middle), last) in b.start.iter_mut().zip(&mut b.middle).zip(&b.u) {
+                let rise = last - *start;
+                *middle = (*start + 4.0 * *middle + last) / 6.0;
+                *start = *middle - 0.5 * rise;
+            }
+        }
         let right = RightSide { model: *model, theta, slots, linear };
-        right.accelerations::<N>(at, x, &b.u, state, &mut b.work, n0)?;
+        right.accelerations::<N>(at, x, if ahead { &b.start } else { &b.u }, state, &mut b.work, n0)?;
         if slots.sensed {
             trace.push(at.time, x, Some(n0));
         }
@@ -213,14 +238,14 @@ impl EffectSimulator<'_> {
         for (i, mid) in mid.iter_mut().enumerate() {
             *mid = row::<DIAGONAL>(half, i, x) + row::<DIAGONAL>(half_forcing, i, n0);
         }
-        let middle_at = Instant { time: at.time + 0.5 * h, span: 0.5 * h, ..*at };
-        if !slots.held {
+        if slots.looped {
             slots.command(&middle_at, mid, state, &mut b.u);
         }
+        let u = if ahead { &b.middle } else { &b.u };
         if slots.advancing {
-            slots.advance(&middle_at, &linear.motion(&b.u, mid, &b.work.held), &b.work.given, state);
+            slots.advance(&middle_at, &linear.motion(u, mid, &b.work.held), &b.work.given, state);
         }
-        right.accelerations::<N>(&middle_at, mid, &b.u, state, &mut b.work, nm)?;
+        right.accelerations::<N>(&middle_at, mid, u, state, &mut b.work, nm)?;
         let mut bend: f64 = 0.0;
         for i in 0..n {
             nm[i] -= row::<DIAGONAL>(part, i, mid);
@@ -235,8 +260,7 @@ impl EffectSimulator<'_> {
             }
         }
         x.copy_from_slice(next);
-        let end = Instant { time: at.time + h, span: 0.5 * h, ..*at };
-        if !slots.held {
+        if slots.looped {
             slots.command(&end, x, state, &mut b.u);
         }
         if slots.advancing {
