@@ -22,6 +22,9 @@ const OWN: f64 = 1e-6;
 /// Shares of a step to a start of which the largest is made that can be looked at.
 const SHARES: [f64; 8] = [1.0, 0.97, 0.94, 0.88, 0.75, 0.5, 0.25, 0.12];
 
+/// Rows of which products of columns are summed at once.
+const PIECE: usize = 256;
+
 /// A column that several starts share.
 type Shared = Arc<Vec<f64>>;
 
@@ -403,8 +406,12 @@ pub(crate) fn saturate(setting: &Setting<'_>, whitening: &Whitening, fit: &Fit, 
 /// Takes the span of unit columns out of a residual, by a Cholesky factor with pivots; at most `most` directions.
 fn take(residual: &mut [f64], columns: &[Vec<f64>], rows: usize, most: usize) -> usize {
     let k = columns.len();
-    let matrix = DMatrix::from_fn(rows, k, |i, j| columns[j][i]);
-    let mut left = matrix.transpose() * &matrix;
+    let mut left = DMatrix::zeros(k, k);
+    // Piece by piece, each of which stays near the processor.
+    for start in (0..rows).step_by(PIECE) {
+        let piece = DMatrix::from_fn(PIECE.min(rows - start), k, |i, j| columns[j][start + i]);
+        left.gemm(1.0, &piece.transpose(), &piece, 1.0);
+    }
     let mut right: DVector<f64> = DVector::from_fn(k, |j, _| dot(&columns[j], residual));
     let mut order: Vec<usize> = Vec::new();
     // Rows of the factor as they are made: L with the pivots' order.

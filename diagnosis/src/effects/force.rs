@@ -66,9 +66,10 @@ pub(super) fn asked(frame: &Frame, motion: &Motion<'_>, feedback: f64) -> [f64; 
 const FED_BACK: f64 = 0.1;
 
 /// How much of a wheel's speed its loop takes off what it is told: all of it, or less where it adds to its answer what a motor needs to hold the
-/// commanded speed against its back-EMF.
+/// commanded speed against its back-EMF. More than all would take what friction withdraws for a part of the loop, and make of a stronger loop what a
+/// centre of mass to one side is.
 pub(super) fn feedback() -> EffectParameter {
-    EffectParameter::new("feedback", "1", (0.0, 1.5), 0.2 * FED_BACK).usually(1.0, FED_BACK)
+    EffectParameter::new("feedback", "1", (0.0, 1.0), 0.2 * FED_BACK).usually(1.0, FED_BACK)
 }
 
 /// Unit of a force at a wheel; of the first channel's where there are none.
