@@ -291,7 +291,8 @@ typedef struct ww_effect {
     void (*begin)(const void *prepared, const double *p, const ww_instant *at, const double *inputs, const double *outputs, double *state);
     /* The next time at which it switches by itself, so that no step spans it; INFINITY if never. NULL: never. */
     double (*next_switch)(const void *prepared, const double *p, const ww_instant *at, const double *state);
-    /* Command stages: lets `span` pass and changes u from what arrived to what goes on. A span of 0 follows each switch. */
+    /* Command stages: lets `span` pass and changes u from what arrived to what goes on. A span of 0 follows each switch.
+     * `outputs` are those of that moment for WW_LOOP, for the others those at the start of the step. */
     void (*command)(const void *prepared, const double *p, const ww_instant *at, const double *outputs, double *state, double *u);
     /* WW_BEARING and WW_LOAD: adds the input that is used up. */
     void (*load)(const void *prepared, const double *p, const ww_instant *at, const double *outputs, const double *state, double *load);
