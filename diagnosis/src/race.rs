@@ -186,7 +186,7 @@ impl<'a> Search<'a> {
             let target = refined.iter().map(|r| r.fit.likelihood(&self.setting)).fold(least, f64::max);
             let effort = Effort { target, ..RANKING };
             let fit = maximise(&self.setting, &mut runner, whitening, fit, effort, false);
-            let fit = self.detour(effect, &mut runner, whitening, fit, effort);
+            let fit = self.detour(&indices, indices.len() - 1, &mut runner, whitening, fit, effort);
             let gain = fit.likelihood(&self.setting) - before;
             let freedom = self.freedom(&indices, &fit) - freedom;
             refined.push(Refined { effect, fit, freedom, score: gain - self.penalty(freedom) });
@@ -329,15 +329,24 @@ impl<'a> Search<'a> {
         Some(Refined { effect, fit, freedom, score })
     }
 
-    /// Looks at an effect's other values and goes on from the best of them as long as that leads anywhere.
-    fn detour(&self, effect: usize, runner: &mut Runner<'_, '_>, whitening: &Whitening, mut fit: Fit, effort: Effort) -> Fit {
-        let effect = self.effect(effect);
+    /// Looks at a member's other values and goes on from the best of them as long as that leads anywhere.
+    fn detour(
+        &self,
+        effects: &[usize],
+        member: usize,
+        runner: &mut Runner<'_, '_>,
+        whitening: &Whitening,
+        mut fit: Fit,
+        effort: Effort,
+    ) -> Fit {
+        let first = self.setting.free() + self.parameters(&effects[..member]).len();
+        let effect = self.effect(effects[member]);
+        let own = first..first + effect.parameters(self.setting.scene).len();
         for _ in 0..DETOURS {
-            let own = fit.point.x.len() - effect.parameters(self.setting.scene).len();
             let mut best: Option<Fit> = None;
-            for values in effect.detours(&fit.point.x[own..], self.setting.scene) {
+            for values in effect.detours(&fit.point.x[own.clone()], self.setting.scene) {
                 let mut point = fit.point.clone();
-                point.x[own..].copy_from_slice(&values);
+                point.x[own.clone()].copy_from_slice(&values);
                 let Some(there) = evaluate(&self.setting, runner, whitening, &point) else { continue };
                 if there.likelihood(&self.setting) > best.as_ref().unwrap_or(&fit).likelihood(&self.setting) + RANKING.worthwhile {
                     best = Some(there);
@@ -347,5 +356,11 @@ impl<'a> Search<'a> {
             fit = maximise(&self.setting, runner, whitening, there, effort, false);
         }
         fit
+    }
+
+    /// A fit with a look at the other values of the members that were there before the last: what it explains now may have led them astray.
+    pub(crate) fn look_round(&self, effects: &[usize], whitening: &Whitening, fit: Fit, effort: Effort) -> Fit {
+        let Some(mut runner) = self.runner(effects, &fit.point) else { return fit };
+        (0..effects.len().saturating_sub(1)).fold(fit, |fit, member| self.detour(effects, member, &mut runner, whitening, fit, effort))
     }
 }

@@ -15,7 +15,7 @@ pub struct IntegralAction {}
 /// A clamp this many times the typical command is none.
 const UNCLAMPED: f64 = 10.0;
 /// Clamps that are looked at, in typical commands.
-const CLAMPS: [f64; 6] = [0.6, 0.3, 0.15, 0.08, 0.04, 0.02];
+const CLAMPS: [f64; 7] = [UNCLAMPED, 0.6, 0.3, 0.15, 0.08, 0.04, 0.02];
 
 #[typetag::serde(name = "integral_action")]
 impl Effect for IntegralAction {
@@ -52,7 +52,7 @@ impl Effect for IntegralAction {
         all
     }
 
-    /// The same gains with a clamp, on both axes alike or on one: from none no small step leads to one.
+    /// The same gains with a clamp, on both axes alike or on one, or with none: from none no small step leads to one, nor back.
     fn detours(&self, values: &[f64], scene: &Scene) -> Vec<Vec<f64>> {
         let clamped = |share: f64, axes: &[usize]| {
             let mut values = values.to_vec();

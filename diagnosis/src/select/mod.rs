@@ -243,6 +243,7 @@ impl<'a> Search<'a> {
         let effects = selected.state.and(candidate.effect);
         let noise = self.noise_of(&effects, &candidate.fit, &selected.whitening)?;
         let (whitening, with) = self.under(&effects, &candidate.fit, &noise, FINAL)?;
+        let with = self.look_round(&effects, &whitening, with, FINAL);
         let (_, without) = self.under(&selected.state.effects, &selected.state.fit, &noise, COMPARING)?;
         let likelihood = |f: &Fit| f.likelihood(&self.setting);
         let gain = likelihood(&with) - likelihood(&without);

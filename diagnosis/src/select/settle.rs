@@ -81,7 +81,10 @@ impl<'a> Search<'a> {
     /// An effect's values as those of a wider one have them, if it has all of them.
     fn as_part_of(&self, effect: usize, wide: &dyn Effect, values: &[f64]) -> Option<Vec<f64>> {
         let whole = wide.parameters(self.setting.scene);
-        let same = |p: &EffectParameter, own: &EffectParameter| p.name == own.name && (p.label.is_none() || p.label == own.label);
+        // What has a side in the one has none in the other, which has it for both.
+        let same = |p: &EffectParameter, own: &EffectParameter| {
+            p.name == own.name && (p.label.is_none() || own.label.is_none() || p.label == own.label)
+        };
         let of = |own: &EffectParameter| whole.iter().zip(values).find(|(p, _)| same(p, own)).map(|(_, v)| *v);
         self.effect(effect).parameters(self.setting.scene).iter().map(of).collect()
     }
