@@ -1,7 +1,7 @@
 //! The race: the effects that screening promises most of are fitted jointly with the model they would join, and thinned out by the
 //! likelihood they have reached.
 
-use wheelwright_core::effect::{Stage, Start};
+use wheelwright_core::effect::{Effect, Scene, Stage, Start};
 
 use crate::answer::always;
 use crate::fit::search::{Effort, Fit, OPTIMISM, OUT_OF_REACH, evaluate, linearise, maximise};
@@ -35,6 +35,24 @@ const BEHIND: f64 = 0.25;
 const RANKING: Effort = Effort { trials: 14, worthwhile: 0.5, target: f64::NEG_INFINITY };
 /// Degrees of freedom by which the data tell a law from one that it contains.
 const SEEN: f64 = 0.5;
+/// Other values of an effect that are worth a look.
+#[derive(Debug, Clone, Copy)]
+enum Others {
+    /// Wherever it is fitted.
+    Detours,
+    /// Once everything else has been found.
+    Afterthoughts,
+}
+
+impl Others {
+    fn of(self, effect: &dyn Effect, values: &[f64], scene: &Scene) -> Vec<Vec<f64>> {
+        match self {
+            Self::Detours => effect.detours(values, scene),
+            Self::Afterthoughts => effect.afterthoughts(values, scene),
+        }
+    }
+}
+
 /// How often a detour may lead on.
 const DETOURS: usize = 4;
 
@@ -186,7 +204,7 @@ impl<'a> Search<'a> {
             let target = refined.iter().map(|r| r.fit.likelihood(&self.setting)).fold(least, f64::max);
             let effort = Effort { target, ..RANKING };
             let fit = maximise(&self.setting, &mut runner, whitening, fit, effort, false);
-            let fit = self.detour(&indices, indices.len() - 1, &mut runner, whitening, fit, effort);
+            let fit = self.detour(&indices, indices.len() - 1, &mut runner, whitening, fit, effort, Others::Detours);
             let gain = fit.likelihood(&self.setting) - before;
             let freedom = self.freedom(&indices, &fit) - freedom;
             refined.push(Refined { effect, fit, freedom, score: gain - self.penalty(freedom) });
@@ -330,6 +348,7 @@ impl<'a> Search<'a> {
     }
 
     /// Looks at a member's other values and goes on from the best of them as long as that leads anywhere.
+    #[allow(clippy::too_many_arguments, reason = "where it is, what it looks at, and how far")]
     fn detour(
         &self,
         effects: &[usize],
@@ -338,13 +357,14 @@ impl<'a> Search<'a> {
         whitening: &Whitening,
         mut fit: Fit,
         effort: Effort,
+        others: Others,
     ) -> Fit {
         let first = self.setting.free() + self.parameters(&effects[..member]).len();
         let effect = self.effect(effects[member]);
         let own = first..first + effect.parameters(self.setting.scene).len();
         for _ in 0..DETOURS {
             let mut best: Option<Fit> = None;
-            for values in effect.detours(&fit.point.x[own.clone()], self.setting.scene) {
+            for values in others.of(effect, &fit.point.x[own.clone()], self.setting.scene) {
                 let mut point = fit.point.clone();
                 point.x[own.clone()].copy_from_slice(&values);
                 let Some(there) = evaluate(&self.setting, runner, whitening, &point) else { continue };
@@ -360,7 +380,17 @@ impl<'a> Search<'a> {
 
     /// A fit with a look at the other values of the members that were there before the last: what it explains now may have led them astray.
     pub(crate) fn look_round(&self, effects: &[usize], whitening: &Whitening, fit: Fit, effort: Effort) -> Fit {
+        self.looked_at(effects, &effects[..effects.len().saturating_sub(1)], whitening, fit, effort, Others::Detours)
+    }
+
+    /// A fit with a look at what comes to mind of its members once everything else has been found.
+    pub(crate) fn afterthought(&self, effects: &[usize], whitening: &Whitening, fit: Fit, effort: Effort) -> Fit {
+        self.looked_at(effects, effects, whitening, fit, effort, Others::Afterthoughts)
+    }
+
+    /// A fit with a look at other values of its first members.
+    fn looked_at(&self, effects: &[usize], members: &[usize], whitening: &Whitening, fit: Fit, effort: Effort, others: Others) -> Fit {
         let Some(mut runner) = self.runner(effects, &fit.point) else { return fit };
-        (0..effects.len().saturating_sub(1)).fold(fit, |fit, member| self.detour(effects, member, &mut runner, whitening, fit, effort))
+        (0..members.len()).fold(fit, |fit, member| self.detour(effects, member, &mut runner, whitening, fit, effort, others))
     }
 }

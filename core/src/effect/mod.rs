@@ -233,6 +233,12 @@ pub trait Effect: Debug + Send + Sync {
         Vec::new()
     }
 
+    /// Other values worth a look once everything else has been found: of a part that is too rare to be looked for while something else is missing,
+    /// which it would stand in for.
+    fn afterthoughts(&self, _values: &[f64], _scene: &Scene) -> Vec<Vec<f64>> {
+        Vec::new()
+    }
+
     /// The same values where a part of the effect that goes round stood by `angle` \[rad\] further when the recording began: that is a matter
     /// of a recording, not of the robot, and is fitted anew to every one. Parts are counted from 0; `None` if there is no such part.
     fn turned(&self, _values: &[f64], _part: usize, _angle: f64) -> Option<Vec<f64>> {

@@ -15,7 +15,7 @@ pub struct IntegralAction {}
 /// A clamp this many times the typical command is none.
 const UNCLAMPED: f64 = 10.0;
 /// Clamps that are looked at, in typical commands.
-const CLAMPS: [f64; 7] = [UNCLAMPED, 0.6, 0.3, 0.15, 0.08, 0.04, 0.02];
+const CLAMPS: [f64; 6] = [0.6, 0.3, 0.15, 0.08, 0.04, 0.02];
 
 #[typetag::serde(name = "integral_action")]
 impl Effect for IntegralAction {
@@ -41,7 +41,11 @@ impl Effect for IntegralAction {
         let clamp = |axis: Axis| {
             let (typical, unit) = (scene.scales.inputs[axis.index()], &scene.inputs[axis.index()].unit);
             let bounds = (0.002 * typical, UNCLAMPED * typical);
-            EffectParameter::new("clamp", unit, bounds, 0.05 * typical).neutral(bounds.1).of("axis", axis.name())
+            // Where it is far from anything, nothing but habit keeps it there.
+            EffectParameter::new("clamp", unit, bounds, 0.05 * typical)
+                .neutral(bounds.1)
+                .of("axis", axis.name())
+                .usually(bounds.1, bounds.1)
         };
         vec![gain(Axis::V), gain(Axis::Omega), clamp(Axis::V), clamp(Axis::Omega)]
     }
@@ -52,8 +56,8 @@ impl Effect for IntegralAction {
         all
     }
 
-    /// The same gains with a clamp, on both axes alike or on one, or with none: from none no small step leads to one, nor back.
-    fn detours(&self, values: &[f64], scene: &Scene) -> Vec<Vec<f64>> {
+    /// The same gains with a clamp, on both axes alike or on one: from none no small step leads to one.
+    fn afterthoughts(&self, values: &[f64], scene: &Scene) -> Vec<Vec<f64>> {
         let clamped = |share: f64, axes: &[usize]| {
             let mut values = values.to_vec();
             axes.iter().for_each(|i| values[2 + i] = share * scene.scales.inputs[*i]);

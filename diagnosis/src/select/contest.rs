@@ -9,6 +9,24 @@ use crate::race::{Field, Refined, distinct};
 use crate::screen::{Candidate, Response};
 
 impl<'a> Search<'a> {
+    /// The selection with what comes to mind of its members last, if it explains markedly more, and the members contested beside it.
+    pub(super) fn think_over(&self, selected: &mut Selected, first: &[Response]) {
+        let Selected { state, whitening, base, .. } = &*selected;
+        let likelihood = |fit: &Fit| fit.likelihood(&self.setting);
+        let fit = self.afterthought(&state.effects, whitening, state.fit.clone(), COMPARING);
+        let freedom = self.freedom(&state.effects, &fit) - self.freedom(&state.effects, &state.fit);
+        let gain = likelihood(&fit) - likelihood(&state.fit);
+        if gain <= self.penalty(freedom).max(SHARE * (likelihood(&state.fit) - likelihood(base))) {
+            return;
+        }
+        let Some(noise) = self.noise_of(&state.effects, &fit, whitening) else { return };
+        let under = |effects: &[usize], fit: &Fit, effort| self.under(effects, fit, &noise, effort);
+        let (Some((whitening, fit)), Some((_, base))) = (under(&state.effects, &fit, FINAL), under(&[], base, COMPARING)) else { return };
+        let state = State { effects: state.effects.clone(), fit };
+        *selected = Selected { state, whitening, base, rivals: Vec::new(), ranking: selected.ranking.clone() };
+        self.exchange(selected, first, None);
+    }
+
     /// The members after another has joined, each contested by what could stand in its place. For the newest that has just been seen; but what
     /// was seen for the first was seen beside a base model that bends to what is missing.
     pub(super) fn contest(&self, selected: &mut Selected, first: &[Response]) {

@@ -199,6 +199,7 @@ impl<'a> Search<'a> {
             selected = Selected { ranking: selected.ranking, ..next };
             self.contest(&mut selected, first);
         }
+        self.think_over(&mut selected, first);
         Ok(selected)
     }
 
