@@ -156,6 +156,9 @@ pub(crate) fn loss(data: &Dataset, simulated: &Series, noise: &[f64], jitter: Op
 
 /// Weighs losses on held-out data before and after against what the explanation leaves on the training data.
 pub(crate) fn transfer(before: f64, after: f64, training: f64) -> Transfer {
+    if foreign(after, training) {
+        return Transfer::Fails;
+    }
     let near = after <= NEAR * training;
     let closed = after < before && before - after >= CLOSED * (before - training);
     if closed || (near && after <= before * UNHURT) { Transfer::Holds } else { Transfer::Fails }
@@ -225,6 +228,7 @@ mod tests {
     fn an_explanation_transfers_if_it_takes_the_excess_away_or_there_is_none() {
         assert_eq!(transfer(4.0, 1.1, 1.0), Transfer::Holds, "the excess is gone");
         assert_eq!(transfer(4.0, 3.5, 1.0), Transfer::Fails, "most of it is still there");
+        assert_eq!(transfer(40.0, 12.0, 1.0), Transfer::Fails, "what is still there is no noise, however much is gone");
         assert_eq!(transfer(1.05, 1.04, 1.0), Transfer::Holds, "there was none");
         assert_eq!(transfer(1.1, 1.6, 1.0), Transfer::Fails, "it has made one");
         assert_eq!(transfer(0.7, 0.9, 1.0), Transfer::Fails, "it has made one where it was quiet");
