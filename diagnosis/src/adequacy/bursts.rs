@@ -29,10 +29,11 @@ pub struct Burst {
 pub(super) fn find(comparison: &Comparison<'_>, seed: u64, jitter: Option<&Jitter>) -> Vec<Burst> {
     let energy: Vec<f64> = squares(comparison, jitter);
     let ranges = comparison.ranges();
-    let blocks: Vec<_> = blocks(comparison.data, 1.0)
-        .into_iter()
-        .map(|(s, rows)| (s, rows.start + ranges[s].start..rows.end + ranges[s].start, rows))
-        .collect();
+    let mut blocks = blocks(comparison.data, 1.0);
+    // What is left of a stretch behind its last whole second is none: a single value far out would be all of it.
+    let whole = blocks.iter().map(|(_, rows)| rows.len()).max().unwrap_or(0);
+    blocks.retain(|(_, rows)| 2 * rows.len() >= whole);
+    let blocks: Vec<_> = blocks.into_iter().map(|(s, rows)| (s, rows.start + ranges[s].start..rows.end + ranges[s].start, rows)).collect();
     if blocks.len() < 8 {
         return Vec::new();
     }

@@ -56,6 +56,22 @@ fn a_push_is_a_burst_at_its_time() {
     assert!(bursts.iter().all(|b| b.time.1 > 29.0 && b.time.0 < 33.0), "{bursts:?}");
 }
 
+/// What is left behind the last whole second of a stretch may be a single sample.
+#[test]
+fn a_value_far_out_in_the_last_sample_is_no_burst() {
+    let mut case = Case::clean(4);
+    for (stretch, truth) in case.data.stretches.iter_mut().zip(&mut case.truth) {
+        let rows = stretch.time.len();
+        assert_eq!(rows % 20, 0, "whole seconds at 20 Hz");
+        let cut = |values: &mut Vec<f64>| values.truncate(rows - 19);
+        cut(&mut stretch.time);
+        stretch.inputs.iter_mut().chain(&mut stretch.outputs).chain(truth).for_each(cut);
+        stretch.outputs[0][rows - 20] += 6.0 * NOISE[0];
+    }
+    let found = case.compare(None, |c| bursts::find(c, 4, None));
+    assert!(found.is_empty(), "{found:?}");
+}
+
 /// An autoregression of first order and unit variance for each output, one stretch after the other.
 fn coloured(coefficient: f64) -> impl FnMut(usize, &mut StdRng) -> f64 {
     let mut state = [0.0; 2];
