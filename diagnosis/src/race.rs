@@ -44,6 +44,15 @@ enum Others {
     Afterthoughts,
 }
 
+/// A look at other values of a member.
+#[derive(Debug, Clone, Copy)]
+struct Look<'e> {
+    effects: &'e [usize],
+    /// Which of them.
+    member: usize,
+    others: Others,
+}
+
 impl Others {
     fn of(self, effect: &dyn Effect, values: &[f64], scene: &Scene) -> Vec<Vec<f64>> {
         match self {
@@ -204,7 +213,8 @@ impl<'a> Search<'a> {
             let target = refined.iter().map(|r| r.fit.likelihood(&self.setting)).fold(least, f64::max);
             let effort = Effort { target, ..RANKING };
             let fit = maximise(&self.setting, &mut runner, whitening, fit, effort, false);
-            let fit = self.detour(&indices, indices.len() - 1, &mut runner, whitening, fit, effort, Others::Detours);
+            let look = Look { effects: &indices, member: indices.len() - 1, others: Others::Detours };
+            let fit = self.detour(look, &mut runner, whitening, fit, effort);
             let gain = fit.likelihood(&self.setting) - before;
             let freedom = self.freedom(&indices, &fit) - freedom;
             refined.push(Refined { effect, fit, freedom, score: gain - self.penalty(freedom) });
@@ -348,17 +358,8 @@ impl<'a> Search<'a> {
     }
 
     /// Looks at a member's other values and goes on from the best of them as long as that leads anywhere.
-    #[allow(clippy::too_many_arguments, reason = "where it is, what it looks at, and how far")]
-    fn detour(
-        &self,
-        effects: &[usize],
-        member: usize,
-        runner: &mut Runner<'_, '_>,
-        whitening: &Whitening,
-        mut fit: Fit,
-        effort: Effort,
-        others: Others,
-    ) -> Fit {
+    fn detour(&self, look: Look<'_>, runner: &mut Runner<'_, '_>, whitening: &Whitening, mut fit: Fit, effort: Effort) -> Fit {
+        let Look { effects, member, others } = look;
         let first = self.setting.free() + self.parameters(&effects[..member]).len();
         let effect = self.effect(effects[member]);
         let own = first..first + effect.parameters(self.setting.scene).len();
@@ -380,17 +381,18 @@ impl<'a> Search<'a> {
 
     /// A fit with a look at the other values of the members that were there before the last: what it explains now may have led them astray.
     pub(crate) fn look_round(&self, effects: &[usize], whitening: &Whitening, fit: Fit, effort: Effort) -> Fit {
-        self.looked_at(effects, &effects[..effects.len().saturating_sub(1)], whitening, fit, effort, Others::Detours)
+        let members = effects.len().saturating_sub(1);
+        self.looked_at(Look { effects, member: members, others: Others::Detours }, whitening, fit, effort)
     }
 
     /// A fit with a look at what comes to mind of its members once everything else has been found.
     pub(crate) fn afterthought(&self, effects: &[usize], whitening: &Whitening, fit: Fit, effort: Effort) -> Fit {
-        self.looked_at(effects, effects, whitening, fit, effort, Others::Afterthoughts)
+        self.looked_at(Look { effects, member: effects.len(), others: Others::Afterthoughts }, whitening, fit, effort)
     }
 
-    /// A fit with a look at other values of its first members.
-    fn looked_at(&self, effects: &[usize], members: &[usize], whitening: &Whitening, fit: Fit, effort: Effort, others: Others) -> Fit {
-        let Some(mut runner) = self.runner(effects, &fit.point) else { return fit };
-        (0..members.len()).fold(fit, |fit, member| self.detour(effects, member, &mut runner, whitening, fit, effort, others))
+    /// A fit with a look at other values of all members before one.
+    fn looked_at(&self, before: Look<'_>, whitening: &Whitening, fit: Fit, effort: Effort) -> Fit {
+        let Some(mut runner) = self.runner(before.effects, &fit.point) else { return fit };
+        (0..before.member).fold(fit, |fit, member| self.detour(Look { member, ..before }, &mut runner, whitening, fit, effort))
     }
 }
