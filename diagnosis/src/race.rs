@@ -1,6 +1,8 @@
 //! The race: the effects that screening promises most of are fitted jointly with the model they would join, and thinned out by the
 //! likelihood they have reached.
 
+use std::ops::Range;
+
 use wheelwright_core::effect::{Effect, Scene, Stage, Start};
 
 use crate::answer::always;
@@ -35,6 +37,9 @@ const BEHIND: f64 = 0.25;
 const RANKING: Effort = Effort { trials: 14, worthwhile: 0.5, target: f64::NEG_INFINITY };
 /// Degrees of freedom by which the data tell a law from one that it contains.
 const SEEN: f64 = 0.5;
+/// How often a detour may lead on.
+const DETOURS: usize = 4;
+
 /// Other values of an effect that are worth a look.
 #[derive(Debug, Clone, Copy)]
 enum Others {
@@ -61,9 +66,6 @@ impl Others {
         }
     }
 }
-
-/// How often a detour may lead on.
-const DETOURS: usize = 4;
 
 /// A refined candidate.
 #[derive(Debug, Clone)]
@@ -359,13 +361,10 @@ impl<'a> Search<'a> {
 
     /// Looks at a member's other values and goes on from the best of them as long as that leads anywhere.
     fn detour(&self, look: Look<'_>, runner: &mut Runner<'_, '_>, whitening: &Whitening, mut fit: Fit, effort: Effort) -> Fit {
-        let Look { effects, member, others } = look;
-        let first = self.setting.free() + self.parameters(&effects[..member]).len();
-        let effect = self.effect(effects[member]);
-        let own = first..first + effect.parameters(self.setting.scene).len();
         for _ in 0..DETOURS {
             let mut best: Option<Fit> = None;
-            for values in others.of(effect, &fit.point.x[own.clone()], self.setting.scene) {
+            let (own, elsewhere) = self.elsewhere(look, &fit);
+            for values in elsewhere {
                 let mut point = fit.point.clone();
                 point.x[own.clone()].copy_from_slice(&values);
                 let Some(there) = evaluate(&self.setting, runner, whitening, &point) else { continue };
@@ -391,8 +390,26 @@ impl<'a> Search<'a> {
     }
 
     /// A fit with a look at other values of all members before one.
-    fn looked_at(&self, before: Look<'_>, whitening: &Whitening, fit: Fit, effort: Effort) -> Fit {
-        let Some(mut runner) = self.runner(before.effects, &fit.point) else { return fit };
-        (0..before.member).fold(fit, |fit, member| self.detour(Look { member, ..before }, &mut runner, whitening, fit, effort))
+    fn looked_at(&self, before: Look<'_>, whitening: &Whitening, mut fit: Fit, effort: Effort) -> Fit {
+        let mut runner = None;
+        for look in (0..before.member).map(|member| Look { member, ..before }) {
+            if self.elsewhere(look, &fit).1.is_empty() {
+                continue;
+            }
+            runner = runner.or_else(|| self.runner(before.effects, &fit.point));
+            let Some(runner) = &mut runner else { break };
+            fit = self.detour(look, runner, whitening, fit, effort);
+        }
+        fit
+    }
+
+    /// Where a member's values are among a fit's unknowns, and its other values.
+    fn elsewhere(&self, look: Look<'_>, fit: &Fit) -> (Range<usize>, Vec<Vec<f64>>) {
+        let Look { effects, member, others } = look;
+        let first = self.setting.free() + self.parameters(&effects[..member]).len();
+        let effect = self.effect(effects[member]);
+        let own = first..first + effect.parameters(self.setting.scene).len();
+        let values = others.of(effect, &fit.point.x[own.clone()], self.setting.scene);
+        (own, values)
     }
 }

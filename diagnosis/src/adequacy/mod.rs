@@ -16,6 +16,7 @@ pub use jitter::Jitter;
 pub use lattice::{Counts, Lattice};
 pub use memory::Memory;
 pub use orders::OrderLine;
+pub(crate) use orders::find as lined;
 pub use structure::Structure;
 
 use wheelwright_core::Dataset;
@@ -94,25 +95,13 @@ impl Adequacy {
     }
 }
 
-/// Whether stamps jitter beside a free run that leaves `left`, and then what is asked of that.
-pub(crate) fn jittered<T>(
-    data: &Dataset,
-    scene: &Scene,
-    run: &[Channels],
-    left: Vec<Channels>,
-    noise: &Noise,
-    ask: impl FnOnce(Jitter, &Comparison<'_>) -> T,
-) -> Option<T> {
-    whitened(data, scene, run, left, noise, |comparison| Some(ask(jitter::find(comparison)?, comparison)))
+/// Whether stamps jitter, and then what is asked of that.
+pub(crate) fn jittered<T>(comparison: &Comparison<'_>, ask: impl FnOnce(Jitter, &Comparison<'_>) -> T) -> Option<T> {
+    jitter::find(comparison).map(|found| ask(found, comparison))
 }
 
-/// What returns with a wheel's turning beside a free run that leaves `left`, if anything does.
-pub(crate) fn lined(data: &Dataset, scene: &Scene, run: &[Channels], left: Vec<Channels>, noise: &Noise) -> Option<OrderLine> {
-    whitened(data, scene, run, left, noise, orders::find)
-}
-
-/// Asks a test that looks at the whitened rest of a free run alone.
-fn whitened<T>(
+/// Asks a test that looks at the whitened rest of a free run alone, which leaves `left`.
+pub(crate) fn whitened<T>(
     data: &Dataset,
     scene: &Scene,
     run: &[Channels],

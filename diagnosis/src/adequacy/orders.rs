@@ -30,7 +30,7 @@ pub struct OrderLine {
 }
 
 /// The strongest line, if there is one.
-pub(super) fn find(comparison: &Comparison<'_>) -> Option<OrderLine> {
+pub(crate) fn find(comparison: &Comparison<'_>) -> Option<OrderLine> {
     let radius = comparison.scene.wheel_radius.filter(|_| comparison.scene.frame.has_wheels())?;
     let mut best: Option<OrderLine> = None;
     for wheel in 0..2 {

@@ -20,11 +20,11 @@ const POWER: f64 = 2.0;
 const SPREAD: f64 = 0.2;
 const POWERS: (f64, f64) = (1.2, 4.0);
 
-/// Typical size of forward and angular velocity.
+/// Typical size of forward and angular velocity, where there are wheels.
 fn typical(scene: &Scene) -> [f64; 2] {
     match scene.frame {
         Frame::Sides { half_track } => [scene.scales.speed, scene.scales.speed / half_track],
-        _ => [0, 1].map(|i| scene.scales.outputs[i.min(scene.scales.outputs.len() - 1)]),
+        _ => [scene.scales.outputs[0], scene.scales.outputs[1]],
     }
 }
 

@@ -47,14 +47,14 @@ pub struct WheelEccentricity {
 }
 
 impl WheelEccentricity {
-    /// The same in words.
-    fn often(&self) -> &'static str {
-        if self.oval { "twice" } else { "once" }
-    }
-
     /// How often it ripples in a turn.
     fn per_turn(&self) -> f64 {
         if self.oval { 2.0 } else { 1.0 }
+    }
+
+    /// The same in words.
+    fn often(&self) -> &'static str {
+        if self.oval { "twice" } else { "once" }
     }
 
     /// The wheels that ripple.

@@ -1,7 +1,7 @@
 //! Each member's place is contested: another effect may explain more in it, or none may be needed there.
 
 use super::{COMPARING, EXCHANGE, FINAL, MOST, Rival, SHARE, Search, Selected, State};
-use crate::adequacy::{Jitter, OrderLine, jittered, lined};
+use crate::adequacy::{Jitter, OrderLine, jittered, lined, whitened};
 use crate::comparison::Comparison;
 use crate::fit::search::{Fit, left};
 use crate::fit::setting::Setting;
@@ -11,19 +11,14 @@ use crate::screen::{Candidate, Response};
 impl<'a> Search<'a> {
     /// The selection with what comes to mind of its members last, if it explains markedly more, and the members contested beside it.
     pub(super) fn think_over(&self, selected: &mut Selected, first: &[Response]) {
-        let Selected { state, whitening, base, .. } = &*selected;
-        let likelihood = |fit: &Fit| fit.likelihood(&self.setting);
-        let fit = self.afterthought(&state.effects, whitening, state.fit.clone(), COMPARING);
-        let freedom = self.freedom(&state.effects, &fit) - self.freedom(&state.effects, &state.fit);
-        let gain = likelihood(&fit) - likelihood(&state.fit);
-        if gain <= self.penalty(freedom).max(SHARE * (likelihood(&state.fit) - likelihood(base))) {
+        let state = &selected.state;
+        let fit = self.afterthought(&state.effects, &selected.whitening, state.fit.clone(), COMPARING);
+        let explained = selected.gained(&self.setting, &state.fit);
+        if self.gain(&fit, state) <= (SHARE * explained).max(0.0) || self.beyond(&state.effects, &fit, state).1 <= 0.0 {
             return;
         }
-        let Some(noise) = self.noise_of(&state.effects, &fit, whitening) else { return };
-        let under = |effects: &[usize], fit: &Fit, effort| self.under(effects, fit, &noise, effort);
-        let (Some((whitening, fit)), Some((_, base))) = (under(&state.effects, &fit, FINAL), under(&[], base, COMPARING)) else { return };
-        let state = State { effects: state.effects.clone(), fit };
-        *selected = Selected { state, whitening, base, rivals: Vec::new(), ranking: selected.ranking.clone() };
+        let Some(other) = self.renewed(selected, state.effects.clone(), &fit) else { return };
+        *selected = other;
         self.exchange(selected, first, None);
     }
 
@@ -67,7 +62,7 @@ impl<'a> Search<'a> {
             let better = refined.first().filter(|b| b.score > present.score + EXCHANGE);
             let simpler = || refined.iter().find(|candidate| self.no_more(&present, candidate, before));
             let better = better.or_else(simpler).filter(|_| exchanged < MOST);
-            let replaced = better.and_then(|best| self.replaced(selected, &rest, best));
+            let replaced = better.and_then(|best| self.renewed(selected, rest.and(best.effect), &best.fit));
             exchanged += usize::from(replaced.is_some());
             if let Some(next) = replaced.or_else(|| self.pruned(selected, &rest, present.score)) {
                 *selected = next;
@@ -97,11 +92,10 @@ impl<'a> Search<'a> {
         (rest, refined)
     }
 
-    /// The selection with a replacement, under the noise that it leaves.
-    fn replaced(&self, selected: &Selected, rest: &State, best: &Refined) -> Option<Selected> {
-        let effects = rest.and(best.effect);
-        let noise = self.noise_of(&effects, &best.fit, &selected.whitening)?;
-        let (whitening, fit) = self.under(&effects, &best.fit, &noise, FINAL)?;
+    /// A selection in the place of another, under the noise that it leaves.
+    fn renewed(&self, selected: &Selected, effects: Vec<usize>, fit: &Fit) -> Option<Selected> {
+        let noise = self.noise_of(&effects, fit, &selected.whitening)?;
+        let (whitening, fit) = self.under(&effects, fit, &noise, FINAL)?;
         let (_, base) = self.under(&[], &selected.base, &noise, COMPARING)?;
         Some(Selected { state: State { effects, fit }, whitening, base, rivals: Vec::new(), ranking: selected.ranking.clone() })
     }
@@ -134,17 +128,19 @@ impl<'a> Search<'a> {
 
     /// What returns with a wheel's turning beside a selection, if anything does.
     pub(crate) fn line(&self, selected: &Selected) -> Option<OrderLine> {
-        let Setting { data, scene, layout, .. } = &self.setting;
-        let simulated = &selected.state.fit.simulated;
-        let rest = layout.series(&left(&self.setting, simulated));
-        lined(data, scene, &layout.series(simulated), rest, &selected.whitening.noise)
+        self.asked(selected, lined)
     }
 
     fn jittered<T>(&self, selected: &Selected, ask: impl FnOnce(Jitter, &Comparison<'_>) -> T) -> Option<T> {
+        self.asked(selected, |comparison| jittered(comparison, ask))
+    }
+
+    /// Asks a test that looks at the whitened rest of a selection's free run.
+    fn asked<T>(&self, selected: &Selected, test: impl FnOnce(&Comparison<'_>) -> T) -> T {
         let Setting { data, scene, layout, .. } = &self.setting;
         let simulated = &selected.state.fit.simulated;
         let rest = layout.series(&left(&self.setting, simulated));
-        jittered(data, scene, &layout.series(simulated), rest, &selected.whitening.noise, ask)
+        whitened(data, scene, &layout.series(simulated), rest, &selected.whitening.noise, test)
     }
 
     /// The selection, contested again under noise that is louder where the robot accelerates, if stamps jitter: there scatter makes evidence
