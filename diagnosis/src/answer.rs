@@ -2,6 +2,7 @@
 
 use wheelwright_core::Dataset;
 use wheelwright_core::effect::{Confusion, Effect, Estimate, Scene, Stage};
+use wheelwright_core::simulation::Readout;
 
 use crate::adequacy;
 use crate::decide::{Weighed, decide};
@@ -40,6 +41,9 @@ const AFFORDABLE: f64 = MENTIONED;
 /// Ratio of a rest's deviation to that of its innovations above which it is no noise: its past tells fifteen sixteenths of its variance.
 const SLOW: f64 = 4.0;
 
+/// The effect whose encoders' counts are recorded as means over the interval.
+const COUNTED: &str = "encoder_quantisation";
+
 /// A finished search.
 pub(crate) struct Story<'a> {
     pub(crate) search: Search<'a>,
@@ -52,6 +56,19 @@ pub(crate) struct Story<'a> {
     pub(crate) means: Option<Means>,
 }
 
+impl Story<'_> {
+    /// The base model that the recording is compared with. Reading means over the interval is a part of the explanation: this one reads values
+    /// at their time.
+    fn compared(&self) -> &Fit {
+        self.means.as_ref().map_or(&self.selected.base, |means| &means.base)
+    }
+
+    /// How that base model is read.
+    fn compared_readout(&self) -> Readout {
+        if self.means.is_some() { Readout::Instantaneous } else { self.search.setting.readout }
+    }
+}
+
 /// What speaks for reading the outputs as means over the interval.
 #[derive(Clone)]
 pub(crate) struct Means {
@@ -59,6 +76,8 @@ pub(crate) struct Means {
     pub(crate) evidence: f64,
     /// The name of what makes the outputs late where they are not read so.
     pub(crate) instead: Option<String>,
+    /// The base model of outputs that are read at their time.
+    pub(crate) base: Fit,
 }
 
 /// Writes the answer; `rests` is the explanation without each of its members.
@@ -72,9 +91,9 @@ pub(crate) fn tell(
     let Story { search, selected, responses, .. } = &story;
     let setting = &search.setting;
     let noise = &selected.whitening.noise;
-    let proof = Proven::new(question, search, selected, rests);
+    let proof = Proven::new(question, &story, rests);
     let (findings, open) = findings(search, selected, rests, &proof);
-    let (mut flags, location) = review(question, search, selected, &findings)?;
+    let (mut flags, location) = review(question, &story, &findings)?;
     flags.extend(search.effects(&selected.state.effects).iter().zip(&findings).filter_map(|(effect, finding)| beyond(*effect, finding)));
     if !numerical(setting, &selected.state.fit) {
         flags.extend(following(setting, noise, &selected.base));
@@ -157,14 +176,14 @@ fn next_experiment(
 /// Outputs that are means over the interval are those of an encoder, whether or not its counts show. No drive tells the mean from the delay by
 /// half a sample that it would otherwise be: they differ by what is faster than the samples.
 fn means(means: Means, scene: &Scene) -> Flag {
-    let Means { evidence, instead } = means;
+    let Means { evidence, instead, .. } = means;
     let statement = "speeds are recorded as means over the sampling interval".to_owned();
     let because = format!(
         "always, but for what is faster than the samples: a mean over an interval is late by half of it, {} s",
         digits(0.5 * scene.scales.period)
     );
     let instead = instead.map(|name| Alternative { name, gap: evidence, because, always: true, open: false });
-    let effect = Some(("encoder_quantisation".to_owned(), vec![0.0]));
+    let effect = Some((COUNTED.to_owned(), vec![0.0]));
     Flag { test: "means over the interval", value: evidence, threshold: 0.0, left_over: None, statement, effect, instead }
 }
 
@@ -235,18 +254,20 @@ struct Proven {
 }
 
 impl Proven {
-    fn new(question: &Question<'_>, search: &Search<'_>, selected: &Selected, rests: &[Option<State>]) -> Self {
+    fn new(question: &Question<'_>, story: &Story<'_>, rests: &[Option<State>]) -> Self {
+        let Story { search, selected, .. } = story;
         let setting = &search.setting;
-        let base = State { effects: Vec::new(), fit: selected.base.clone() };
+        let base = explanation(search, &State { effects: Vec::new(), fit: story.compared().clone() });
         let on = |data: &Dataset, scene: &Scene, state: &State| proven(search, state, data, scene);
+        let compared = |data: &Dataset, scene: &Scene| Ground { model: setting.model, data, scene, readout: story.compared_readout() }.prove(&base);
         let whole = setting.scene.like(question.training, question.training_headings.as_deref());
         let replay = |data: &Dataset, before: &Proof, after: &Proof| Replay {
             measured: data.clone(),
             before: before.simulated.clone(),
             after: after.simulated.clone(),
         };
-        let trained = [&base, &selected.state].map(|state| on(question.training, &whole, state));
-        let training = replay(question.training, &trained[0], &trained[1]);
+        let trained = on(question.training, &whole, &selected.state);
+        let training = replay(question.training, &compared(question.training, &whole), &trained);
         let mut made = Self {
             fits: Fits::default(),
             waterfall: Vec::new(),
@@ -263,14 +284,14 @@ impl Proven {
         });
         let shifted = shifted(held, clock);
         let scene = setting.scene.like(&shifted, headings);
-        let (before, after) = (on(&shifted, &scene, &base), on(&shifted, &scene, &selected.state));
+        let (before, after) = (compared(&shifted, &scene), on(&shifted, &scene, &selected.state));
         let ground = Ground { model: setting.model, data: &shifted, scene: &scene, readout: setting.readout };
         let noise = &selected.whitening.noise.deviation;
         let jitter = search.jitter(selected);
         // What was reached is possible.
         let ceiling = (0..noise.len()).map(|c| ground.ceiling(c, noise[c]).max(after.fit[c])).collect();
         let left = [&before, &after].map(|proof| loss(&shifted, &proof.simulated, noise, jitter));
-        let training = loss(question.training, &trained[1].simulated, noise, jitter);
+        let training = loss(question.training, &trained.simulated, noise, jitter);
         let withouts: Vec<Option<(&State, Proof)>> = rests.iter().map(|r| r.as_ref().map(|r| (r, on(&shifted, &scene, r)))).collect();
         let refuted = |(rest, without): &(&State, Proof)| {
             let gain = search.gain(&selected.state.fit, rest);
@@ -286,14 +307,14 @@ impl Proven {
             as_fitted => as_fitted,
         };
         made.foreign = foreign(left[1], training);
-        made.waterfall = waterfall(search, selected, &before, &after, &|state| on(&shifted, &scene, state).fit);
+        made.waterfall = waterfall(story, &before, &after, &|state| on(&shifted, &scene, state).fit);
         let gained = |(_, without): &(&State, Proof)| {
             let gains: Vec<f64> = after.fit.iter().zip(&without.fit).map(|(a, b)| a - b).filter(|g| g.is_finite()).collect();
             gains.iter().sum::<f64>() / gains.len().max(1) as f64
         };
         made.gains = withouts.iter().map(|without| without.as_ref().map(gained)).collect();
         made.held_out = Some(replay(held, &before, &after));
-        let narx = question.yardstick.then(|| yardstick(question, held, &explanation(search, &base).theta)).flatten();
+        let narx = question.yardstick.then(|| yardstick(question, held, &base.theta)).flatten();
         made.fits = Fits { before: before.fit, after: after.fit, noise_ceiling: Some(ceiling), narx };
         made
     }
@@ -319,12 +340,15 @@ pub(crate) fn clocks(training: &Dataset, held: &Dataset) -> Vec<f64> {
     if start >= last || end <= first { vec![0.0] } else { vec![0.0, last - start, first - end] }
 }
 
-/// Held-out fit effect by effect.
-fn waterfall(search: &Search<'_>, selected: &Selected, before: &Proof, after: &Proof, fit: &dyn Fn(&State) -> Vec<f64>) -> Vec<Rung> {
-    let names: Vec<String> = selected.state.effects.iter().map(|i| search.effect(*i).name().to_owned()).collect();
+/// Held-out fit effect by effect, the way of reading before all others.
+fn waterfall(story: &Story<'_>, before: &Proof, after: &Proof, fit: &dyn Fn(&State) -> Vec<f64>) -> Vec<Rung> {
+    let Story { search, selected, means, .. } = story;
+    let read = means.iter().map(|_| COUNTED.to_owned());
+    let reading = read.len();
+    let names: Vec<String> = read.chain(selected.state.effects.iter().map(|i| search.effect(*i).name().to_owned())).collect();
     let mut rungs = vec![Rung { effects: Vec::new(), fit: before.fit.clone() }];
     for n in 1..names.len() {
-        if let Some(state) = search.keeping(selected, &|i| i < n) {
+        if let Some(state) = search.keeping(selected, &|i| i + reading < n) {
             rungs.push(Rung { effects: names[..n].to_vec(), fit: fit(&state) });
         }
     }
@@ -478,16 +502,13 @@ fn numerical(setting: &Setting<'_>, fit: &Fit) -> bool {
 }
 
 /// Tests without a library on what the final model leaves, and where the base model is off.
-fn review(
-    question: &Question<'_>,
-    search: &Search<'_>,
-    selected: &Selected,
-    findings: &[Finding],
-) -> Result<(Vec<Flag>, Location), DiagnosisError> {
+fn review(question: &Question<'_>, story: &Story<'_>, findings: &[Finding]) -> Result<(Vec<Flag>, Location), DiagnosisError> {
+    let Story { search, selected, .. } = story;
     let setting = &search.setting;
     let free = setting.free();
     let state = &selected.state;
-    let simulate = |effects: &[usize], fit: &Fit, x: &[f64]| -> Result<Series, DiagnosisError> {
+    let (plain, base) = (Setting { readout: story.compared_readout(), ..setting.clone() }, story.compared());
+    let simulate = |setting: &Setting<'_>, effects: &[usize], fit: &Fit, x: &[f64]| -> Result<Series, DiagnosisError> {
         let mut runner = Runner::new(setting, &search.effects(effects), &fit.point)?;
         let mut out = fit.simulated.clone();
         if !runner.run(x, &fit.point.starts, &mut out) {
@@ -503,18 +524,17 @@ fn review(
         }
         Ok(setting.layout.series(&out))
     };
-    let base = simulate(&[], &selected.base, &selected.base.point.x)?;
-    let last = simulate(&state.effects, &state.fit, &state.fit.point.x)?;
-    let without = simulate(&[], &state.fit, &state.fit.point.x[..free])?;
+    let last = simulate(setting, &state.effects, &state.fit, &state.fit.point.x)?;
+    let without = simulate(&plain, &[], &state.fit, &state.fit.point.x[..free])?;
     let effects = search.effects(&state.effects);
     let mut runner = Runner::new(setting, &effects, &state.fit.point)?;
     let jacobian = (0..state.fit.point.x.len()).map(|j| setting.layout.series(&runner.column(&state.fit.point, j, &state.fit.simulated)));
     let residuals = Residuals {
         model: setting.model,
         data: setting.data,
-        theta_base: setting.map.theta(&selected.base.point.x[..free]),
+        theta_base: setting.map.theta(&base.point.x[..free]),
         theta_final: setting.map.theta(&state.fit.point.x[..free]),
-        base,
+        base: simulate(&plain, &[], base, &base.point.x)?,
         last,
         noise: selected.whitening.noise.clone(),
         jacobian: jacobian.collect(),

@@ -148,8 +148,11 @@ fn other_readout<'a>(
     }
     let rival = selected(surroundings(other, question, course)?, known, closer)?;
     let better = rival.own_evidence() - story.own_evidence() - sought;
-    let means = Means { evidence: better, instead: instead.map(|effect| effect.name().to_owned()) };
-    Ok(if better > EXCHANGE { Story { means: Some(means), ..rival } } else { story })
+    if better <= EXCHANGE {
+        return Ok(story);
+    }
+    let means = Means { evidence: better, instead: instead.map(|effect| effect.name().to_owned()), base: story.selected.base.clone() };
+    Ok(Story { means: Some(means), ..rival })
 }
 
 /// Evidence for a story without its lateness under another reading: only where that does as well is there more to look for.

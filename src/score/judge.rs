@@ -136,8 +136,20 @@ pub struct Judged<'a> {
     pub seconds: Option<f64>,
 }
 
-/// Judges an answer. `without` are the effects left out of the library, `families` the families of those known.
-pub fn judge<'a>(case: &'a KeyCase, answer: Option<&Answer>, without: &[String], families: &BTreeMap<String, String>) -> Judged<'a> {
+/// What all answers of a trial are judged by.
+#[derive(Debug, Default)]
+pub struct Terms<'a> {
+    /// Effects left out of the library.
+    pub without: &'a [String],
+    /// Families of the effects known.
+    pub families: BTreeMap<String, String>,
+    /// Quantities whose regions the key tells in any case. Of others it cannot say where they should be.
+    pub quantities: BTreeSet<&'a str>,
+}
+
+/// Judges an answer.
+pub fn judge<'a>(case: &'a KeyCase, answer: Option<&Answer>, terms: &Terms<'_>) -> Judged<'a> {
+    let Terms { without, families, quantities } = terms;
     let truth: BTreeSet<&str> = case.truth.iter().map(|t| t.effect.as_str()).collect();
     let removed = truth.iter().any(|t| without.iter().any(|w| w == t));
     let class = match case.kind {
@@ -184,7 +196,7 @@ pub fn judge<'a>(case: &'a KeyCase, answer: Option<&Answer>, without: &[String],
         set_size: (class.nameable() && !reported.is_empty()).then_some(reported.len()),
         gap_closed: (class.nameable()).then(|| gap_closed(case, answer)).flatten(),
         times: case.times.as_ref().map(|times| blocks(&answer.place.times, times)),
-        regions: case.regions.as_ref().map(|regions| matched(&answer.place.regions, regions)),
+        regions: case.regions.as_ref().map(|regions| matched(&answer.place.regions, regions, quantities)),
         time_error: time_error(case, answer),
         truth: hidden,
         said: said(answer, &named),
@@ -287,15 +299,16 @@ fn blocks(answer: &[(f64, f64)], key: &[(f64, f64)]) -> Counts {
     Counts { both, answer: answer.len() - both, key: key.len() - both }
 }
 
-/// Regions of the same quantity that share at least half of the shorter one.
-fn matched(answer: &[Range], key: &[Range]) -> Counts {
+/// Regions of the same quantity that share at least half of the shorter one; only of `quantities` does the key say all of them.
+fn matched(answer: &[Range], key: &[Range], quantities: &BTreeSet<&str>) -> Counts {
     let ends = |r: &Range| (r.from.unwrap_or(-1e9), r.to.unwrap_or(1e9));
     let meets = |a: &Range, b: &Range| {
         let ((a0, a1), (b0, b1)) = (ends(a), ends(b));
         a.of == b.of && a1.min(b1) - a0.max(b0) >= 0.5 * (a1 - a0).min(b1 - b0)
     };
     let both = key.iter().filter(|k| answer.iter().any(|a| meets(a, k))).count();
-    let stray = answer.iter().filter(|a| !key.iter().any(|k| meets(a, k))).count();
+    let judged = answer.iter().filter(|a| quantities.contains(a.of.as_str()));
+    let stray = judged.filter(|a| !key.iter().any(|k| meets(a, k))).count();
     Counts { both, answer: stray, key: key.len() - both }
 }
 

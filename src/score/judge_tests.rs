@@ -12,13 +12,14 @@ fn answer(verdict: &str, named: &[(&str, &[&str])]) -> Answer {
     serde_json::from_value(json!({ "case": "c", "verdict": verdict, "effects": effects })).unwrap()
 }
 
-fn families() -> BTreeMap<String, String> {
-    [("command_delay", "lateness"), ("actuator_lag", "lateness")].map(|(a, b)| (a.to_owned(), b.to_owned())).into()
+fn terms(without: &[String]) -> Terms<'_> {
+    let families = [("command_delay", "lateness"), ("actuator_lag", "lateness")].map(|(a, b)| (a.to_owned(), b.to_owned())).into();
+    Terms { without, families, quantities: BTreeSet::new() }
 }
 
 fn outcome_of(case: &KeyCase, answer: &Answer, without: &[&str]) -> (Outcome, Option<bool>) {
     let without: Vec<String> = without.iter().map(|w| (*w).to_owned()).collect();
-    let judged = judge(case, Some(answer), &without, &families());
+    let judged = judge(case, Some(answer), &terms(&without));
     (judged.outcome, judged.in_set)
 }
 
@@ -43,7 +44,7 @@ fn every_outcome_has_its_case() {
     ] {
         assert_eq!(outcome_of(&delay, &answer, &[]), expected, "{answer:?}");
     }
-    let judged = judge(&delay, None, &[], &families());
+    let judged = judge(&delay, None, &terms(&[]));
     assert_eq!((judged.outcome, judged.in_set), (Outcome::Failed, Some(false)));
 }
 
@@ -62,7 +63,7 @@ fn pairs_want_both_and_outside_wants_no_name() {
 #[test]
 fn an_effect_left_out_of_the_library_makes_a_case_of_its_own() {
     let delay = case("single", &["command_delay"], Value::Null);
-    let judged = judge(&delay, Some(&answer("explained", &[("slope", &[])])), &["command_delay".to_owned()], &families());
+    let judged = judge(&delay, Some(&answer("explained", &[("slope", &[])])), &terms(&["command_delay".to_owned()]));
     assert_eq!((judged.class, judged.outcome, judged.in_set), (Class::Removed, Outcome::Wrong, None));
 }
 
@@ -75,9 +76,9 @@ fn localisation_counts_blocks_of_a_second_and_regions_that_overlap() {
     assert_eq!(Counts::default().f1(), None);
     let range = |of: &str, from, to| Range { of: of.to_owned(), from, to };
     let key = [range("v", Some(-0.05), Some(0.05)), range("v", None, Some(-0.05))];
-    let said = [range("v", Some(-0.1), Some(0.02)), range("omega", Some(0.0), Some(1.0))];
-    // Of the 0.12 that are said, 0.07 lie in the first and 0.05 in the second.
-    assert_eq!(matched(&said, &key), Counts { both: 1, answer: 1, key: 1 });
+    let said = [range("v", Some(-0.1), Some(0.02)), range("omega", Some(0.0), Some(1.0)), range("phi", Some(0.0), Some(1.0))];
+    // Of the 0.12 that are said, 0.07 lie in the first and 0.05 in the second. Of headings the key tells nothing in any case.
+    assert_eq!(matched(&said, &key, &["v", "omega"].into()), Counts { both: 1, answer: 1, key: 1 });
 }
 
 #[test]

@@ -11,7 +11,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use serde_json::{Map, Value, json};
 
-pub use judge::{Class, Counts, Judged, Outcome, judge};
+pub use judge::{Class, Counts, Judged, Outcome, Terms, judge};
 pub use key::{Answer, HEADER, Header, Key, KeyCase, Kind, read_answers, read_key};
 pub use wilson::Rate;
 
@@ -80,11 +80,12 @@ impl<'a> Score<'a> {
     /// Judges every case of a key.
     pub fn new(key: &'a Key, answers: &[Answer], without: &[String]) -> Self {
         let whole = |family: &str| family.split('/').next().unwrap_or(family).to_owned();
-        let families: BTreeMap<String, String> =
-            wheelwright_diagnosis::effects::library().iter().map(|e| (e.name().to_owned(), whole(e.family()))).collect();
+        let families = wheelwright_diagnosis::effects::library().iter().map(|e| (e.name().to_owned(), whole(e.family()))).collect();
+        let quantities = key.cases.iter().flat_map(|c| c.regions.iter().flatten()).map(|r| r.of.as_str()).collect();
+        let terms = Terms { without, families, quantities };
         let by_name: BTreeMap<&str, &Answer> = answers.iter().map(|a| (a.case.as_str(), a)).collect();
         let known: BTreeSet<&str> = key.cases.iter().map(|c| c.case.as_str()).collect();
-        let cases = key.cases.iter().map(|case| judge(case, by_name.get(case.case.as_str()).copied(), without, &families));
+        let cases = key.cases.iter().map(|case| judge(case, by_name.get(case.case.as_str()).copied(), &terms));
         let strays = by_name.keys().filter(|name| !known.contains(*name)).map(|name| (*name).to_owned());
         Self { cases: cases.collect(), strays: strays.collect() }
     }

@@ -18,7 +18,7 @@ use wheelwright_core::Effect;
 use wheelwright_core::effect::{Confusion, EffectParameter, Estimate, Instant, Motion, Scene, Stage, Start};
 
 use super::force;
-use super::words::{KINK, quantity, smooth_sign};
+use super::words::{quantity, smooth_sign};
 
 /// What kind of castor drags.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
@@ -205,25 +205,18 @@ impl Effect for CastorDrag {
         let (scene, h) = (at.scene, at.scene.frame.half_track());
         let [v, w] = scene.frame.body(outputs);
         let (typical, distance) = (scene.scales.speed, p[DISTANCE]);
-        let [forward, turn] = match self.kind {
-            CastorKind::Swivel => {
-                let (cos, sin) = (state[0] * state[0] - state[1] * state[1], 2.0 * state[0] * state[1]);
-                let drag = p[DRAG] * smooth_sign(v * cos - distance * w * sin, typical);
-                // ∂δ'/∂v and ∂δ'/∂ω times the trail: what the trailing wheel sweeps.
-                let (by_v, by_w) = (-sin, -(distance * cos + p[TRAIL]));
-                let sweep = by_v * v + by_w * w;
-                let across = (p[SWIVEL] * smooth_sign(sweep, typical) + p[DAMPING] * sweep / p[TRAIL]) / p[TRAIL];
-                [drag * cos + across * by_v, -drag * distance * sin + across * by_w]
-            }
-            CastorKind::Ball => {
-                let sideways = distance * w;
-                // A smooth direction, as the sign of other frictions.
-                let slide = v.hypot(sideways).hypot(KINK * typical);
-                [p[DRAG] * v / slide, p[DRAG] * distance * sideways / slide]
-            }
-        };
-        let ratio = p.get(self.own()).copied().unwrap_or(1.0);
-        scene.frame.add_at_body([forward, ratio / (h * h) * turn], load);
+        let ratio = p.get(self.own());
+        if self.kind == CastorKind::Ball {
+            return force::slides(scene, outputs, [p[DRAG], distance], ratio, load);
+        }
+        let (cos, sin) = (state[0] * state[0] - state[1] * state[1], 2.0 * state[0] * state[1]);
+        let drag = p[DRAG] * smooth_sign(v * cos - distance * w * sin, typical);
+        // ∂δ'/∂v and ∂δ'/∂ω times the trail: what the trailing wheel sweeps.
+        let (by_v, by_w) = (-sin, -(distance * cos + p[TRAIL]));
+        let sweep = by_v * v + by_w * w;
+        let across = (p[SWIVEL] * smooth_sign(sweep, typical) + p[DAMPING] * sweep / p[TRAIL]) / p[TRAIL];
+        let [forward, turn] = [drag * cos + across * by_v, -drag * distance * sin + across * by_w];
+        scene.frame.add_at_body([forward, ratio.copied().unwrap_or(1.0) / (h * h) * turn], load);
     }
 
     /// δ' = A sin δ + B cos δ + C turns (cos δ/2, sin δ/2) by y' = M y/2 with M = [−A, B − C; B + C, A] and M² = (A² + B² − C²) I, at

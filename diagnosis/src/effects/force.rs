@@ -5,7 +5,7 @@ use std::fmt;
 use serde::{Deserialize, Serialize};
 use wheelwright_core::effect::{EffectParameter, Estimate, Frame, Instant, Motion, Scene, Start};
 
-use super::words::{percent, quantity, smooth_sign};
+use super::words::{KINK, percent, quantity, smooth_sign};
 
 /// One of the two wheels, or all wheels of one side.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
@@ -125,6 +125,17 @@ pub(super) fn starts(scene: &Scene, values: &[f64], columns: &[Vec<usize>]) -> V
         Some(_) => [1.0, 0.5, 2.0].map(|ratio| start([values, &[ratio]].concat())).into(),
         None => vec![start(values.to_vec())],
     }
+}
+
+/// Adds a drag of one size against the motion of a place on the centre line, a distance from the axle.
+pub(super) fn slides(scene: &Scene, outputs: &[f64], [drag, distance]: [f64; 2], ratio: Option<&f64>, load: &mut [f64]) {
+    let h = scene.frame.half_track();
+    let [v, w] = scene.frame.body(outputs);
+    let sideways = distance * w;
+    // A smooth direction, as the sign of other frictions.
+    let slide = v.hypot(sideways).hypot(KINK * scene.scales.speed);
+    let turn = ratio.copied().unwrap_or(1.0) / (h * h) * drag * distance * sideways / slide;
+    scene.frame.add_at_body([drag * v / slide, turn], load);
 }
 
 /// Adds a friction at every contact; `law(contact, speed, sign)` is its size, `contact` the one of [`sizes`], `sign` smooth.

@@ -26,7 +26,7 @@
 //! | `lateral_com_offset` | dynamics | the centre of mass lies to one side |
 //! | `payload_change` | dynamics | mass and moment of inertia change at some time |
 //! | `quadratic_drag` | dynamics | drag with the square of speed |
-//! | `rolling_resistance` | dynamics | a constant force against forward motion that leaves turning alone |
+//! | `rolling_resistance` | dynamics | a constant force of every wheel that carries load, driven or not |
 //! | `slope` | dynamics | a pull that depends on the heading |
 //! | `stribeck_friction` | dynamics | dry friction that is greater near standstill |
 //! | `turning_scrub` | dynamics | a resistance to turning that depends on speed |

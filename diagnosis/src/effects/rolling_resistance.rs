@@ -2,15 +2,22 @@
 //!
 //! The driven wheels' share acts on each against its own rolling, F = d sgn s, and is therefore dry friction at the wheels to the letter
 //! (`coulomb_friction`, same equation, same signs). What tells them apart is the share of the weight that other wheels carry along on the
-//! centre line: F = c sgn v against forward motion, without a lever to brake a turn. Of the two shares none is known beforehand. How a
-//! castor swings round is `castor_drag`, how patches scrub is `turning_scrub`.
+//! centre line, a distance d from the axle: there the robot moves at (v, d ω), and feels F = c against that, c v/√(v² + d² ω²) against forward
+//! motion and (ρ d²/h²) c ω/√(v² + d² ω²) against turning; near the axle it is c sgn v without a lever to brake a turn. Neither share is known
+//! beforehand. How a castor swings round is `castor_drag`, how patches scrub is `turning_scrub`.
 
 use serde::{Deserialize, Serialize};
 use wheelwright_core::Effect;
 use wheelwright_core::effect::{Confusion, EffectParameter, Estimate, Instant, Scene, Stage, Start};
 
 use super::force;
-use super::words::smooth_sign;
+use super::words::quantity;
+
+/// Places of the parameters; the turning ratio stands last, where there is one.
+const CARRIED: usize = 0;
+const DRIVEN: usize = 1;
+const DISTANCE: usize = 2;
+const RATIO: usize = 3;
 
 /// Rolling resistance.
 #[derive(Debug, Clone, Default, Serialize, Deserialize)]
@@ -40,17 +47,23 @@ impl Effect for RollingResistance {
     }
 
     fn parameters(&self, scene: &Scene) -> Vec<EffectParameter> {
+        let h = scene.frame.half_track();
         let sizes = ["resistance", "driven"].into_iter().flat_map(|name| force::sizes(scene, name));
-        sizes.chain(force::turning_ratio(scene)).collect()
+        // Ahead or behind is one. Where nobody knows, near the axle.
+        let distance = EffectParameter::new("distance", "m", (0.0, 3.0 * h), 0.2 * h).usually(0.0, h);
+        sizes.chain([distance]).chain(force::turning_ratio(scene)).collect()
     }
 
     fn starts(&self, scene: &Scene) -> Vec<Start> {
-        force::starts(scene, &[0.05 * force::command(scene, 0); 2], &[vec![0], vec![1]])
+        let size = 0.05 * force::command(scene, 0);
+        let at = |distance: f64| force::starts(scene, &[size, size, distance], &[vec![CARRIED], vec![DRIVEN]]);
+        [0.0, scene.frame.half_track()].into_iter().flat_map(at).collect()
     }
 
     fn statement(&self, values: &[Estimate], scene: &Scene) -> String {
-        let [body, driven] = [values[0], values[1]].map(|size| force::in_words(size, scene));
-        format!("rolling resistance uses up {body} for the body and {driven} at each driven wheel; the model had none")
+        let [carried, driven] = [CARRIED, DRIVEN].map(|place| force::in_words(values[place], scene));
+        let place = quantity(values[DISTANCE], "m");
+        format!("rolling resistance uses up {driven} at each driven wheel and {carried} for what rolls along {place} from the axle; the model had none")
     }
 
     fn contains(&self) -> &'static [&'static str] {
@@ -81,8 +94,8 @@ impl Effect for RollingResistance {
     }
 
     fn load(&self, p: &[f64], at: &Instant<'_>, outputs: &[f64], _state: &[f64], load: &mut [f64]) {
-        let frame = &at.scene.frame;
-        frame.add_at_body([p[0] * smooth_sign(frame.body(outputs)[0], at.scene.scales.speed), 0.0], load);
-        force::at_contacts(at, outputs, p.get(2), load, |_, _, sign| p[1] * sign);
+        let ratio = p.get(RATIO);
+        force::slides(at.scene, outputs, [p[CARRIED], p[DISTANCE]], ratio, load);
+        force::at_contacts(at, outputs, ratio, load, |_, _, sign| p[DRIVEN] * sign);
     }
 }

@@ -11,6 +11,9 @@ mod times;
 use crate::comparison::{Channels, Comparison};
 use crate::finding::Location;
 
+/// An effect that moves a sample by less than this many standard deviations of its noise does not act there: free runs are no more exact.
+const NEVER: f64 = 0.01;
+
 /// Where the base model is off.
 pub(crate) struct Excess {
     /// By how much, in each sample: by stretch, output, row.
@@ -48,7 +51,7 @@ fn off(comparison: &Comparison<'_>, exact: bool, s: usize, i: usize, k: usize) -
     let model = comparison.model[s][i][k];
     match exact {
         false => comparison.misfit(s, i, k),
-        true if model == comparison.without[s][i][k] => 0.0,
+        true if (model - comparison.without[s][i][k]).abs() < NEVER * comparison.noise[i] => 0.0,
         true => model - comparison.base[s][i][k],
     }
 }

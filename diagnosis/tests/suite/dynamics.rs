@@ -66,18 +66,22 @@ fn stribeck_friction_falls_with_speed() {
 
 #[test]
 fn rolling_resistance_brakes_driven_wheels_and_what_they_carry_along() {
-    let (rest, driven, ratio) = (0.05, 0.02, 1.3);
+    let (rest, driven, distance, ratio) = (0.05, 0.02, 0.2, 1.3);
     let rig = body();
-    let error = rig.load_error(&RollingResistance {}, &[rest, 0.0, 1.0], |x| [rest * rig.sign(x[0]), 0.0]);
-    assert!(error < 3e-4, "without the driven wheels' share it leaves turning alone: {error}");
-    let at_wheels = |x: [f64; 2]| off(wheels(x).map(|s| driven * rig.sign(s)), ratio);
-    let error = rig.load_error(&RollingResistance {}, &[rest, driven, ratio], |x| {
-        let [forward, turn] = at_wheels(x);
-        [forward + rest * rig.sign(x[0]), turn]
+    // What rolls along at the axle has no lever.
+    let error = rig.load_error(&RollingResistance {}, &[rest, 0.0, 0.0, 1.0], |[v, _]| [rest * v / v.hypot(rig.kink), 0.0]);
+    assert!(error < 1e-3, "without the driven wheels' share it leaves turning alone: {error}");
+    let error = rig.load_error(&RollingResistance {}, &[rest, driven, distance, ratio], |x| {
+        let [forward, turn] = off(wheels(x).map(|s| driven * rig.sign(s)), ratio);
+        let along = [x[0], distance * x[1]].map(|s| s / x[0].hypot(distance * x[1]).hypot(rig.kink));
+        [forward + rest * along[0], turn + ratio * rest * distance / (HALF_TRACK * HALF_TRACK) * along[1]]
     });
     assert!(error < 1e-3, "{error}");
     let rig = sides();
-    let error = rig.load_error(&RollingResistance {}, &[0.2, 0.1], |x| x.map(|s| 0.1 * rig.sign(s) + 0.2 * rig.sign(0.5 * (x[0] + x[1]))));
+    let error = rig.load_error(&RollingResistance {}, &[0.2, 0.1, 0.0], |x| {
+        let v = 0.5 * (x[0] + x[1]);
+        x.map(|s| 0.1 * rig.sign(s) + 0.2 * v / v.hypot(rig.kink))
+    });
     assert!(error < 1e-3, "{error}");
 }
 

@@ -146,7 +146,7 @@ fn entry(name: &str, recipe: &Recipe, built: &Built, train: &Recording, validate
         strengths,
         detectability: Some(round(ratio)),
         detectability_each: (recipe.effects.len() > 1).then(|| each(recipe, built, &scene, &left.refit, &train.foreseen, sigma)),
-        times: if hidden { acting(built, &left, sigma) } else { None },
+        times: if hidden { acting(recipe, built, &left, sigma) } else { None },
         regions: if hidden { places(train, &left, sigma) } else { None },
         noise_ceiling: Some(PerChannel {
             v: round(percent(&validate.noisy.v, &validate.foreseen.v)),
@@ -233,17 +233,17 @@ fn same(recipe: &Recipe, built: &Built, train: &Recording, sigma: &Sigma) -> Vec
     sets
 }
 
-/// When what is hidden acts, where only at some times.
-fn acting(built: &Built, left: &Left, sigma: &Sigma) -> Option<Vec<[f64; 2]>> {
+/// When what is hidden acts, where only at some times. Beside a cause that has times of its own another one acts at others.
+fn acting(recipe: &Recipe, built: &Built, left: &Left, sigma: &Sigma) -> Option<Vec<[f64; 2]>> {
     let commands = &built.commands[0];
     let end = commands.last()?.t;
-    if let Some(load) = built.machine.rig.load {
-        return Some(vec![[load.on.0, load.off.0.min(end)]]);
+    let load = built.machine.rig.load.iter().map(|load| (load.on.0, load.off.0));
+    let known: Vec<[f64; 2]> =
+        load.chain(built.known.during.iter().copied()).filter(|(from, _)| *from < end).map(|(from, to)| [from, to.min(end)]).collect();
+    match known.is_empty() {
+        true => times(commands, &left.difference, &sigma.twist),
+        false => (recipe.effects.len() < 2).then_some(known),
     }
-    if !built.known.during.is_empty() {
-        return Some(built.known.during.iter().filter(|d| d.0 < end).map(|&(from, to)| [from, to.min(end)]).collect());
-    }
-    times(commands, &left.difference, &sigma.twist)
 }
 
 /// Where what is hidden acts, where only in some regions.
