@@ -66,18 +66,26 @@ pub fn diagnose(question: &Question<'_>) -> Result<Diagnosis, DiagnosisError> {
     }
     let scene = |wheels: Wheels| Scene::new(&data, question.model, wheels.track_width, wheels.radius, headings.as_deref());
     let ordinary = Wheels { radius: question.wheel_radius, track_width: question.track_width.unwrap_or(track::ORDINARY) };
-    let (first, fitting, courses) = (scene(ordinary), OnceCell::new(), [const { OnceCell::new() }; 5]);
-    let mut start = surroundings(setting(question, &data, &first, Readout::Instantaneous), question, &courses[0])?;
-    let shown = wheels_shown(question, &start, headings.as_deref());
-    warnings.extend(unknown_wheels(question, shown));
+    let (first, fitting, courses) = (scene(ordinary), [const { OnceCell::new() }; 2], [const { OnceCell::new() }; 7]);
+    let begin = |scene, course| surroundings(setting(question, &data, scene, Readout::Instantaneous), question, course);
+    let mut start = begin(&first, &courses[0])?;
+    let mut shown = wheels_shown(question, &start, headings.as_deref());
     if let Some(wheels) = shown {
-        start =
-            surroundings(setting(question, &data, fitting.get_or_init(|| scene(wheels)), Readout::Instantaneous), question, &courses[1])?;
+        start = begin(fitting[0].get_or_init(|| scene(wheels)), &courses[1])?;
     }
-    let scene = start.search.setting.scene;
-    let Beside { radii, track } = Beside::of(question, scene);
-    let story = selected(start, radii.as_ref(), &courses[2])?;
-    let mut story = other_readout(story, question, &data, scene, radii.as_ref(), [&courses[3], &courses[4]])?;
+    let mut about = start.search.setting.scene;
+    let Beside { radii, track } = Beside::of(question, about);
+    let mut story = selected(start, radii.as_ref(), &courses[2])?;
+    if let Some(wheels) = radius::left_over(question, &story.search.setting, &story.selected.state.fit) {
+        let start = begin(fitting[1].get_or_init(|| scene(wheels)), &courses[3])?;
+        let closer = start.search.setting.scene;
+        let again = selected(start, radii.as_ref(), &courses[4])?;
+        if again.own_evidence() > story.own_evidence() + DECISIVE {
+            (story, shown, about) = (again, Some(wheels), closer);
+        }
+    }
+    warnings.extend(unknown_wheels(question, shown));
+    let mut story = other_readout(story, question, &data, about, radii.as_ref(), [&courses[5], &courses[6]])?;
     story.selected = story.search.unjittered(story.selected, &story.responses);
     story.selected = judged(question, &story.search, story.selected, &story.responses);
     let (selected, rests) = story.search.settled(story.selected);

@@ -16,6 +16,8 @@ use rustfft::num_complex::Complex;
 use wheelwright_core::effect::{Frame, Scene};
 
 use crate::diagnose::{DECISIVE, Surroundings, tried};
+use crate::fit::search::Fit;
+use crate::fit::setting::Setting;
 use crate::question::Question;
 use crate::select::Search;
 use crate::track::{evidence, evidence_at_first};
@@ -70,17 +72,23 @@ struct Line {
 /// more than all others do at the ordinary ones.
 pub(crate) fn shown(question: &Question<'_>, start: &Surroundings<'_>, headings: Option<&[Vec<f64>]>) -> Option<Wheels> {
     let Search { setting, library, open, .. } = &start.search;
-    let wheels = strongest(start, question.track_width.is_none())?;
+    let wheels = strongest(&start.search.setting, &start.base, question.track_width.is_none())?;
     let scene = Scene::new(setting.data, question.model, wheels.track_width, wheels.radius, headings);
     let round: Vec<usize> = (0..library.len()).filter(|i| !open.contains(i) && tried(&*library[*i], &scene)).collect();
     let round = evidence(start, &scene, round);
     (round > DECISIVE && round > evidence_at_first(start) + DECISIVE).then_some(wheels)
 }
 
-/// The wheels of the strongest line beside the base model, if there is one; `any_track` if the track may be another than the scene's.
-fn strongest(start: &Surroundings<'_>, any_track: bool) -> Option<Wheels> {
-    let course = Course::of(start)?;
-    let half_tracks = if any_track { course.half_tracks() } else { vec![start.search.setting.scene.frame.half_track()] };
+/// The same of what an explanation leaves over, which may show a line that was lost in what it explains.
+pub(crate) fn left_over(question: &Question<'_>, setting: &Setting<'_>, explained: &Fit) -> Option<Wheels> {
+    let unknown = setting.scene.wheel_radius.is_none() && !setting.exhausted();
+    if unknown { strongest(setting, explained, question.track_width.is_none()) } else { None }
+}
+
+/// The wheels of the strongest line in what a fit leaves over, if there is one; `any_track` if the track may be another than the scene's.
+fn strongest(setting: &Setting<'_>, fit: &Fit, any_track: bool) -> Option<Wheels> {
+    let course = Course::of(setting, fit)?;
+    let half_tracks = if any_track { course.half_tracks() } else { vec![setting.scene.frame.half_track()] };
     let waves = Waves::of(&course)?;
     let looks = (2 * half_tracks.len()) as f64 * waves.independent();
     let mut planner = FftPlannerScalar::new();
@@ -121,23 +129,22 @@ struct Row {
 }
 
 impl Course {
-    fn of(start: &Surroundings<'_>) -> Option<Self> {
-        let (setting, base) = (&start.search.setting, &start.base);
+    fn of(setting: &Setting<'_>, fit: &Fit) -> Option<Self> {
         let (scene, layout) = (setting.scene, &setting.layout);
         if !scene.frame.has_wheels() {
             return None;
         }
-        let roots: Vec<f64> = base.weights(setting).iter().map(|w| w.sqrt()).collect();
+        let roots: Vec<f64> = fit.weights(setting).iter().map(|w| w.sqrt()).collect();
         let mut rows = Vec::with_capacity(layout.counted());
         for (s, track) in scene.tracks.iter().enumerate() {
             let [first, second] = [0, 1].map(|c| layout.settled(c, s));
             for (k, (i, j)) in (layout.unsettled(s)..).zip(first.zip(second)) {
                 let [left, right] = [track.distance[0][k], track.distance[1][k]];
-                let gain = |c: usize, at: usize| (base.simulated[at] - base.simulated[at - usize::from(k > 0)]) / scene.scales.outputs[c];
+                let gain = |c: usize, at: usize| (fit.simulated[at] - fit.simulated[at - usize::from(k > 0)]) / scene.scales.outputs[c];
                 rows.push(Row {
                     way: [0.5 * (left + right), 0.5 * (right - left) / scene.frame.half_track()],
-                    outputs: [base.simulated[i], base.simulated[j]],
-                    left: Complex::new(roots[0] * base.residual[i], roots[1] * base.residual[j]),
+                    outputs: [fit.simulated[i], fit.simulated[j]],
+                    left: Complex::new(roots[0] * fit.residual[i], roots[1] * fit.residual[j]),
                     gained: Complex::new(gain(0, i), gain(1, j)),
                 });
             }
