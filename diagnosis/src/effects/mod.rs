@@ -168,7 +168,7 @@ fn command_side() -> Vec<Box<dyn Effect>> {
 
 /// Effects between what happened and what was recorded.
 fn sensors() -> Vec<Box<dyn Effect>> {
-    vec![
+    let mut all: Vec<Box<dyn Effect>> = vec![
         Box::new(WheelRadiusMismatch::default()),
         Box::new(WheelRadiusMismatch { speeds: Speeds::Ground, ..WheelRadiusMismatch::default() }),
         Box::new(TrackWidthError {}),
@@ -182,7 +182,11 @@ fn sensors() -> Vec<Box<dyn Effect>> {
         Box::new(SensorDelay { each_axis: true }),
         Box::new(EncoderQuantisation::default()),
         Box::new(TimestampJitter::default()),
-    ]
+    ];
+    for axis in [None, Some(Axis::V), Some(Axis::Omega)] {
+        all.push(Box::new(VelocitySaturation { axis, recorded: true, ..VelocitySaturation::default() }));
+    }
+    all
 }
 
 /// Effects on the dynamics.

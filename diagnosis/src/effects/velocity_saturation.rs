@@ -4,6 +4,10 @@
 //! keeps to its path: as FRC robots are desaturated, and as Nav2 scales velocities.
 //!
 //! With `soft` they are bent: U' = U (1 + |U/m|^p)^(−1/p), the harder the greater p.
+//!
+//! With `recorded` it is not the robot that ends but what is recorded of it, y' = clip(y, ±m): a counter that runs over, a filter that takes what
+//! is faster for an error. Speeds that end look like a robot that is limited, until the command falls: a limited robot slows down at once, a
+//! recorded speed stays at its end until the robot has come down to it. The robot has no such limit, and the answer says so.
 
 use serde::{Deserialize, Serialize};
 use wheelwright_core::Effect;
@@ -11,7 +15,7 @@ use wheelwright_core::effect::{Confusion, EffectParameter, Estimate, Instant, Sc
 
 use super::force::{self, Wheel};
 use super::parts::{Axis, Parts, shares};
-use super::words::{each, quantity};
+use super::words::{digits, each, quantity};
 
 /// A limit of the commanded speed (or voltage). Drives limit wheels; velocity interfaces such as ROS' `diff_drive_controller`
 /// limit axes: both are kept apart by the settings.
@@ -30,6 +34,9 @@ pub struct VelocitySaturation {
     /// Whether a wheel over the limit slows the other one down as well.
     #[serde(skip_serializing_if = "std::ops::Not::not")]
     pub together: bool,
+    /// Whether it is the recorded speed that ends.
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    pub recorded: bool,
 }
 
 /// How hard a soft limit may be, and is at first: below, it is a drag in proportion to speed's square; above, it is a limit.
@@ -53,16 +60,17 @@ impl Effect for VelocitySaturation {
     }
 
     fn about(&self) -> String {
-        let how = match (self.soft, self.together) {
-            (true, _) => "commands bend towards a limit",
-            (false, true) => "commands above a limit are scaled down, both wheels' alike",
-            (false, false) => "commands above a limit are clipped",
+        let how = match (self.recorded, self.soft, self.together) {
+            (true, ..) => "speeds above a limit are not recorded",
+            (_, true, _) => "commands bend towards a limit",
+            (_, _, true) => "commands above a limit are scaled down, both wheels' alike",
+            _ => "commands above a limit are clipped",
         };
         how.to_owned()
     }
 
     fn stage(&self) -> Stage {
-        Stage::Limit
+        if self.recorded { Stage::Sensor } else { Stage::Limit }
     }
 
     /// What holds on one axis says nothing about the other.
@@ -75,13 +83,16 @@ impl Effect for VelocitySaturation {
     }
 
     fn inapplicable(&self, scene: &Scene) -> Option<String> {
-        if !self.together {
-            return Parts::refuse(scene.frame, self.wheel, self.axis);
+        let one_wheel_or_axis = self.wheel.is_some() || self.axis.is_some();
+        if (self.together && (self.soft || one_wheel_or_axis)) || (self.recorded && (self.soft || self.together)) {
+            return Some("it is set to two kinds of limits: it is one of them".to_owned());
         }
-        let other = self.soft || self.wheel.is_some() || self.axis.is_some();
-        other
-            .then(|| "it is set to both wheels together and to something else: it is one of them".to_owned())
-            .or_else(|| force::needs_wheels(scene))
+        let needed = match (self.recorded, self.together) {
+            (true, _) => force::needs_loops(scene),
+            (_, true) => force::needs_wheels(scene),
+            _ => None,
+        };
+        needed.or_else(|| Parts::refuse(scene.frame, self.wheel, self.axis))
     }
 
     fn parameters(&self, scene: &Scene) -> Vec<EffectParameter> {
@@ -104,10 +115,19 @@ impl Effect for VelocitySaturation {
 
     fn statement(&self, values: &[Estimate], scene: &Scene) -> String {
         let parts = self.parts(scene).list(scene);
+        if self.recorded {
+            let said = each(&parts, values, |p, v| format!("{} speed is recorded up to {}", p.whose, quantity(v, &p.unit)));
+            return format!("{said} and no further; the model's sensor had no end");
+        }
         let verb = if self.soft { "bends towards" } else { "is cut at" };
         let said = each(&parts, values, |p, v| format!("{} command {verb} {}", p.whose, quantity(v, &p.unit)));
         let both = if self.together { ", and the other wheel's in proportion" } else { "" };
         format!("{said}{both}; the model had no limit")
+    }
+
+    fn beyond(&self, values: &[Estimate]) -> Option<String> {
+        let limit = values.first().filter(|_| self.recorded)?;
+        Some(format!("what ends at {} is what is recorded, and not the speed of the robot: its sensor shows no more", digits(limit.value)))
     }
 
     fn excitation(&self) -> &'static str {
@@ -128,10 +148,17 @@ impl Effect for VelocitySaturation {
     }
 
     fn holds(&self) -> bool {
-        true
+        !self.recorded
+    }
+
+    fn measure(&self, p: &[f64], at: &Instant<'_>, _past: &dyn Fn(f64, &mut [f64]), _state: &mut [f64], outputs: &mut [f64]) {
+        self.parts(at.scene).change(outputs, |_, i, speed| speed.clamp(-p[i].abs(), p[i].abs()));
     }
 
     fn command(&self, p: &[f64], at: &Instant<'_>, _outputs: &[f64], _state: &mut [f64], u: &mut [f64]) {
+        if self.recorded {
+            return;
+        }
         if self.together {
             let fastest = at.scene.frame.wheels(u).into_iter().fold(0.0, |most: f64, u| most.max(u.abs()));
             let scale = if fastest > p[0] { p[0] / fastest } else { 1.0 };

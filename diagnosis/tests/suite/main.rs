@@ -16,5 +16,6 @@ mod measurement;
 mod recorded;
 mod rig;
 mod rivals;
+mod sensor_end;
 mod slow;
 mod sticking;
