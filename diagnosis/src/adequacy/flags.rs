@@ -84,6 +84,9 @@ fn flags(found: &Adequacy, comparison: &Comparison<'_>, explained: f64) -> Vec<F
     let mut flag = |test, value, threshold, left_over, effect| {
         all.push(Flag { test, value, threshold, left_over, statement: sentences.next().unwrap_or_default(), effect, instead: None });
     };
+    if let Some(rounding) = &found.rounding {
+        flag("rounded commands", rounding.gain, 0.0, Some(rounding.gain / (rounding.gain + explained.max(0.0))), None);
+    }
     if found.structure.significant() {
         let share = found.structure.excess / (found.structure.excess + explained.max(0.0));
         flag("input-driven structure", found.structure.z, structure::LIMIT, Some(share), None);

@@ -1,4 +1,4 @@
-//! Whether a model is adequate, asked without any library: six tests of what it leaves over.
+//! Whether a model is adequate, asked without any library: seven tests of what it leaves over.
 //!
 //! A library always finds something to name. These tests know no effect; they say whether anything is left, and where to look.
 
@@ -8,6 +8,7 @@ mod jitter;
 mod lattice;
 mod memory;
 mod orders;
+mod rounding;
 pub mod structure;
 
 pub use bursts::Burst;
@@ -16,6 +17,7 @@ pub use jitter::Jitter;
 pub use lattice::{Counts, Lattice};
 pub use memory::Memory;
 pub use orders::OrderLine;
+pub use rounding::Rounding;
 pub(crate) use orders::find as lined;
 pub use structure::Structure;
 
@@ -23,11 +25,14 @@ use wheelwright_core::Dataset;
 use wheelwright_core::effect::Scene;
 
 use crate::comparison::{Channels, Comparison};
+use crate::effects::digits;
 use crate::noise::Noise;
 
-/// What the six tests found.
+/// What the seven tests found.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Adequacy {
+    /// Commands that are rounded.
+    pub rounding: Option<Rounding>,
     /// Anything that depends on what was going on.
     pub structure: Structure,
     /// Times with more than their share.
@@ -52,6 +57,7 @@ pub fn examine(comparison: &Comparison<'_>, seed: u64) -> Adequacy {
         bursts: bursts::find(comparison, seed, jitter.as_ref()),
         memory: memory::find(comparison),
         order: orders::find(comparison),
+        rounding: rounding::find(comparison),
         jitter,
         counts: lattice::counts(comparison, &lattices),
         lattices,
@@ -63,6 +69,13 @@ impl Adequacy {
     pub fn sentences(&self, comparison: &Comparison<'_>) -> Vec<String> {
         let mut all = Vec::new();
         let name = |output: usize| comparison.data.outputs[output].name.clone();
+        if let Some(Rounding { input, step, .. }) = &self.rounding {
+            let (whose, unit) = match input {
+                Some(input) => (comparison.data.inputs[*input].name.to_string(), comparison.data.inputs[*input].unit.to_string()),
+                None => ("each wheel's command".to_owned(), comparison.data.inputs[0].unit.to_string()),
+            };
+            all.push(format!("{whose} is followed in steps of {} {unit}: commands are rounded, which no effect of the library does", digits(*step)));
+        }
         if self.structure.significant() {
             let Structure { z, of, output, .. } = &self.structure;
             all.push(format!("what is left of {} depends on {of} ({z:.0} standard deviations beyond chance)", name(*output)));

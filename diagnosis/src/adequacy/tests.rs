@@ -1,8 +1,12 @@
 use rand::SeedableRng;
 use rand::rngs::StdRng;
 
+use wheelwright_core::ModelConfig;
+use wheelwright_core::simulation::Simulator;
+use wheelwright_models::VwPdConfig;
+
 use super::*;
-use crate::fixture::{Case, NOISE, RADIUS, TRACK, normal};
+use crate::fixture::{Case, NOISE, RADIUS, THETA, TRACK, normal};
 
 #[test]
 fn clean_recordings_raise_no_alarm() {
@@ -15,6 +19,7 @@ fn clean_recordings_raise_no_alarm() {
             found.bursts.is_empty()
                 && found.memory.is_none()
                 && found.order.is_none()
+                && found.rounding.is_none()
                 && found.jitter.is_none()
                 && found.lattices.is_empty()
                 && found.counts.is_none(),
@@ -94,6 +99,33 @@ fn a_wind_that_lasts_for_seconds_is_a_memory_and_coloured_noise_is_none() {
         let memory = blown.compare(None, |c| examine(c, seed)).memory.unwrap();
         assert!(memory.output == 1 && memory.correlation > 0.25 && memory.share > 0.2, "{seed}: {memory:?}");
     }
+}
+
+/// Commands as a driver takes them that knows multiples of a step only.
+fn rounded(seed: u64, input: usize, step: f64, cut_off: bool) -> Case {
+    let mut case = Case::clean(seed);
+    let model = VwPdConfig::default().build().unwrap();
+    let mut simulator = Simulator::new(&*model, &THETA).unwrap();
+    for (stretch, truth) in case.data.stretches.iter_mut().zip(&case.truth) {
+        let mut taken = stretch.clone();
+        taken.inputs[input].iter_mut().for_each(|u| *u = step * if cut_off { (*u / step).trunc() } else { (*u / step).round() });
+        let mut run = vec![Vec::new(); 2];
+        simulator.run(&taken, &[0.0, 0.0], &mut run).unwrap();
+        for (i, series) in stretch.outputs.iter_mut().enumerate() {
+            series.iter_mut().zip(&run[i]).zip(&truth[i]).for_each(|((y, with), without)| *y += with - without);
+        }
+    }
+    case
+}
+
+#[test]
+fn commands_in_steps_are_a_rounding_and_a_dead_zone_is_none() {
+    for (seed, input, step, cut_off) in [(1, 0, 0.03, false), (2, 1, 0.06, false), (3, 0, 0.05, true)] {
+        let found = rounded(seed, input, step, cut_off).compare(None, |c| examine(c, seed)).rounding.unwrap();
+        assert!(found.input == Some(input) && (found.step / step - 1.0).abs() < 0.01, "{found:?}");
+    }
+    // One step that holds all but the largest commands is a dead zone.
+    assert_eq!(rounded(4, 0, 0.4, true).compare(None, |c| examine(c, 4)).rounding, None);
 }
 
 #[test]
