@@ -269,7 +269,7 @@ pub(crate) fn surroundings<'a>(
 
 /// Whether an effect is tried on any recording that it applies to.
 pub(crate) fn tried(effect: &dyn Effect, scene: &Scene) -> bool {
-    effect.line().is_none() && effect.inapplicable(scene).is_none()
+    effect.line().is_none() && !effect.stands_in() && effect.inapplicable(scene).is_none()
 }
 
 /// The effects that the evidence asks for; `closer` keeps the scene with the wheels' course as these tell it.

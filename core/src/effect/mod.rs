@@ -251,6 +251,12 @@ pub trait Effect: Debug + Send + Sync {
         None
     }
 
+    /// Whether it is tried only in the place of another effect of its name that was found: what looks like that one and is too rare to be sought on
+    /// every recording.
+    fn stands_in(&self) -> bool {
+        false
+    }
+
     /// One plain sentence with magnitudes and units: "the left wheel's motor needs 0.31 V before it moves; the model had none".
     /// It names an interval where there is one.
     fn statement(&self, values: &[Estimate], scene: &Scene) -> String;

@@ -125,6 +125,10 @@ impl Effect for VelocitySaturation {
         format!("{said}{both}; the model had no limit")
     }
 
+    fn stands_in(&self) -> bool {
+        self.recorded
+    }
+
     fn beyond(&self, values: &[Estimate]) -> Option<String> {
         let limit = values.first().filter(|_| self.recorded)?;
         Some(format!("what ends at {} is what is recorded, and not the speed of the robot: its sensor shows no more", digits(limit.value)))

@@ -81,8 +81,12 @@ impl<'a> Search<'a> {
     fn replacements(&self, selected: &Selected, member: usize, first: &[Response]) -> (State, Vec<Refined>) {
         let base = || State { effects: Vec::new(), fit: selected.base.clone() };
         let Some(rest) = self.without(selected, member) else { return (base(), Vec::new()) };
-        let responses = self.responses_beside(&rest, selected, first);
         let dropped = selected.state.effects[member];
+        let mut responses = self.responses_beside(&rest, selected, first);
+        let stands_in: Vec<usize> = (0..self.library.len()).filter(|i| self.stands_in(*i, dropped)).collect();
+        if !stands_in.is_empty() {
+            responses.to_mut().extend(self.respond_of(&stands_in, &rest));
+        }
         let screened = self.screen(&rest, &selected.whitening, &responses);
         let others: Vec<Vec<Candidate>> = screened.into_iter().filter(|c| c[0].effect != dropped).collect();
         let unbent = self.unbent(&selected.state, member);
@@ -90,6 +94,12 @@ impl<'a> Search<'a> {
         let field = Field::contest(&unbent, gain, selected.gained(&self.setting, &rest.fit));
         let refined = self.refine(&rest, &selected.whitening, &others, &responses, &field);
         (rest, refined)
+    }
+
+    /// Whether an effect may stand in for another and for nothing else.
+    fn stands_in(&self, effect: usize, other: usize) -> bool {
+        let (effect, same) = (self.effect(effect), self.effect(effect).name() == self.effect(other).name());
+        same && effect.stands_in() && effect.inapplicable(self.setting.scene).is_none()
     }
 
     /// A selection in the place of another, under the noise that it leaves.
