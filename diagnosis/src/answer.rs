@@ -259,7 +259,8 @@ impl Proven {
         let setting = &search.setting;
         let base = explanation(search, &State { effects: Vec::new(), fit: story.compared().clone() });
         let on = |data: &Dataset, scene: &Scene, state: &State| proven(search, state, data, scene);
-        let compared = |data: &Dataset, scene: &Scene| Ground { model: setting.model, data, scene, readout: story.compared_readout() }.prove(&base);
+        let compared =
+            |data: &Dataset, scene: &Scene| Ground { model: setting.model, data, scene, readout: story.compared_readout() }.prove(&base);
         let whole = setting.scene.like(question.training, question.training_headings.as_deref());
         let replay = |data: &Dataset, before: &Proof, after: &Proof| Replay {
             measured: data.clone(),

@@ -17,8 +17,8 @@ pub use jitter::Jitter;
 pub use lattice::{Counts, Lattice};
 pub use memory::Memory;
 pub use orders::OrderLine;
-pub use rounding::Rounding;
 pub(crate) use orders::find as lined;
+pub use rounding::Rounding;
 pub use structure::Structure;
 
 use wheelwright_core::Dataset;
@@ -74,7 +74,10 @@ impl Adequacy {
                 Some(input) => (comparison.data.inputs[*input].name.to_string(), comparison.data.inputs[*input].unit.to_string()),
                 None => ("each wheel's command".to_owned(), comparison.data.inputs[0].unit.to_string()),
             };
-            all.push(format!("{whose} is followed in steps of {} {unit}: commands are rounded, which no effect of the library does", digits(*step)));
+            all.push(format!(
+                "{whose} is followed in steps of {} {unit}: commands are rounded, which no effect of the library does",
+                digits(*step)
+            ));
         }
         if self.structure.significant() {
             let Structure { z, of, output, .. } = &self.structure;

@@ -1,9 +1,14 @@
 //! The drive follows its command with dynamics of its own: τ u̇' = u − u', or τ² ü' + 2 ζ τ u̇' = u − u', on every input.
+//!
+//! With `servo` it is what the speed loops push with that lags, and not what they are told: of e = u − β x, β their feedback, 1 or somewhat less,
+//! z acts, τ ż = e − z. A current that builds up in its winding does so. The loop is of second order then, and overshoots where τ is more than half
+//! of the model's own time constant.
 
 use serde::{Deserialize, Serialize};
 use wheelwright_core::Effect;
-use wheelwright_core::effect::{Confusion, EffectParameter, Estimate, Instant, Scene, Stage, Start};
+use wheelwright_core::effect::{Confusion, EffectParameter, Estimate, Instant, Motion, Scene, Stage, Start};
 
+use super::force;
 use super::late;
 use super::words::{digits, quantity};
 
@@ -17,7 +22,13 @@ pub struct ActuatorLag {
     /// Whether the drive is of second order and may resonate: an elastic transmission, a loop that overshoots.
     #[serde(skip_serializing_if = "std::ops::Not::not")]
     pub resonant: bool,
+    /// In the loops' answer, not in their command.
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    pub servo: bool,
 }
+
+/// Numbers of state of each axis of a loop that lags: what pushes now, what did when the step began, and what was asked for in its middle.
+const EACH: usize = 3;
 
 /// Longest time constant considered \[s\]: beyond it the model's own one would be the lesser part.
 const LONGEST: f64 = 1.0;
@@ -41,40 +52,60 @@ impl Effect for ActuatorLag {
     }
 
     fn about(&self) -> String {
-        "the drive follows its command with a second time constant".to_owned()
+        let what = if self.servo {
+            "the loops' push lags behind what they ask for"
+        } else {
+            "the drive follows its command with a second time constant"
+        };
+        what.to_owned()
     }
 
     fn stage(&self) -> Stage {
-        Stage::Filter
+        if self.servo { Stage::Drive } else { Stage::Filter }
+    }
+
+    fn inapplicable(&self, scene: &Scene) -> Option<String> {
+        if !self.servo {
+            return None;
+        }
+        let other = self.each_axis || self.resonant;
+        other
+            .then(|| "it is set to a lag in the loops and to one before them: it is one of them".to_owned())
+            .or_else(|| force::needs_loops(scene))
     }
 
     fn family(&self) -> &str {
         late::FAMILY
     }
 
-    /// Time constants, and the damping.
+    /// Time constants, and the damping or the feedback.
     fn parameters(&self, scene: &Scene) -> Vec<EffectParameter> {
         let mut all = late::parameters("time_constant", LONGEST, self.each_axis, scene);
         if self.resonant {
             all.push(EffectParameter::new("damping", "1", DAMPING, 0.2));
         }
+        all.extend(self.servo.then(force::feedback));
         all
     }
 
     fn starts(&self, scene: &Scene) -> Vec<Start> {
         let lags = late::starts(self.each_axis, scene);
-        if !self.resonant {
-            return lags;
-        }
-        let with = |start: &Start, damping: f64| {
-            let mut start = start.clone();
-            start.values.push(damping);
-            start
+        let seconds: &[f64] = match (self.resonant, self.servo) {
+            (true, _) => &[0.2, 0.5, 0.8],
+            (_, true) => &[1.0],
+            _ => return lags,
         };
-        lags.iter().flat_map(|start| [0.2, 0.5, 0.8].map(|damping| with(start, damping))).collect()
+        let with = |start: &Start, second: f64| Start { values: [&start.values[..], &[second]].concat(), ..start.clone() };
+        lags.iter().flat_map(|start| seconds.iter().map(|second| with(start, *second))).collect()
     }
 
     fn statement(&self, values: &[Estimate], scene: &Scene) -> String {
+        if self.servo {
+            let time = quantity(values[0], "s");
+            return format!(
+                "what the speed loops push with follows what they ask for with a time constant of {time}; the model's did at once"
+            );
+        }
         let said = late::each(self.each_axis, values, scene, |whose, v| {
             let hertz = digits(1.0 / (std::f64::consts::TAU * v.value));
             let resonance = if self.resonant { format!(" ({hertz} Hz)") } else { String::new() };
@@ -116,17 +147,26 @@ impl Effect for ActuatorLag {
         ]
     }
 
-    /// The filtered command, the command that last arrived and, with a resonance, the filtered command's slope, of each input.
+    /// The filtered command, the command that last arrived and, with a resonance, the filtered command's slope, of each input. Of a loop what each
+    /// axis is pushed with, and whether a step is in its middle.
     fn states(&self, scene: &Scene) -> usize {
-        3 * scene.inputs.len()
+        if self.servo { EACH * scene.outputs.len() + 1 } else { 3 * scene.inputs.len() }
     }
 
-    fn begin(&self, _p: &[f64], _at: &Instant<'_>, inputs: &[f64], _outputs: &[f64], state: &mut [f64]) {
+    fn begin(&self, p: &[f64], _at: &Instant<'_>, inputs: &[f64], outputs: &[f64], state: &mut [f64]) {
+        if self.servo {
+            state.fill(0.0);
+            state.chunks_exact_mut(EACH).zip(inputs.iter().zip(outputs)).for_each(|(own, (u, x))| own[0] = u - p[1] * x);
+            return;
+        }
         state.chunks_exact_mut(3).zip(inputs).for_each(|(state, u)| state.copy_from_slice(&[*u, *u, 0.0]));
     }
 
     /// Steps are short while the filter runs after a new command: of one lag, then two, then four; several lags share their steps.
     fn next_switch(&self, p: &[f64], at: &Instant<'_>, _state: &[f64]) -> f64 {
+        if self.servo {
+            return f64::INFINITY;
+        }
         let start = at.stretch.time[at.row];
         let elapsed = at.time - start;
         let next = |lag: &f64| {
@@ -146,6 +186,9 @@ impl Effect for ActuatorLag {
     }
 
     fn command(&self, p: &[f64], at: &Instant<'_>, _outputs: &[f64], state: &mut [f64], u: &mut [f64]) {
+        if self.servo {
+            return;
+        }
         let (lags, damping) = match p {
             [lags @ .., damping] if self.resonant => (lags, Some(*damping)),
             _ => (p, None),
@@ -160,6 +203,31 @@ impl Effect for ActuatorLag {
             }
             *u = state[0];
         }
+    }
+
+    fn drive(&self, p: &[f64], at: &Instant<'_>, motion: &Motion<'_>, state: &[f64], drive: &mut [f64]) {
+        if self.servo && p[0] >= self.least(at.scene) {
+            let axes = motion.u.iter().zip(motion.outputs).zip(state.chunks_exact(EACH));
+            drive.iter_mut().zip(axes).for_each(|(drive, ((u, x), own))| *drive += own[0] - (u - p[1] * x));
+        }
+    }
+
+    /// The whole step by what is asked for in its middle: of second order, as the motion is.
+    fn advance(&self, p: &[f64], at: &Instant<'_>, motion: &Motion<'_>, _drive: &[f64], state: &mut [f64]) {
+        if !self.servo || p[0] < self.least(at.scene) {
+            return;
+        }
+        let Some((middle, axes)) = state.split_last_mut() else { return };
+        let first = *middle == 0.0;
+        let spans = if first { 1.0 } else { 2.0 };
+        let kept = (-spans * at.span / p[0]).exp();
+        for (own, (u, x)) in axes.chunks_exact_mut(EACH).zip(motion.u.iter().zip(motion.outputs)) {
+            if first {
+                (own[1], own[2]) = (own[0], u - p[1] * x);
+            }
+            own[0] = own[2] + (own[1] - own[2]) * kept;
+        }
+        *middle = if first { 1.0 } else { 0.0 };
     }
 }
 

@@ -77,7 +77,7 @@ impl BatterySag {
 fn power(at: &Instant<'_>, motion: &Motion<'_>, drive: &[f64]) -> f64 {
     let frame = at.scene.frame;
     let asked = frame.wheels(motion.u);
-    let against = if matches!(frame, Frame::Body { .. }) { force::asked(&frame, motion, 1.0) } else { frame.wheels(drive) };
+    let against = if matches!(frame, Frame::Body { .. }) { force::asked(&frame, motion, 1.0, 1.0) } else { frame.wheels(drive) };
     0.5 * (asked[0] * against[0] + asked[1] * against[1]) / at.scene.scales.command.powi(2)
 }
 

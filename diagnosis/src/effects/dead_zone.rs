@@ -1,7 +1,8 @@
 //! Small commands do nothing: U' = U where |U| ≥ d and 0 below, or U' = sgn U · max(|U| − d, 0), on each wheel or on an axis.
 //!
 //! With `servo` it is a wheel's motor that does nothing, and not its command: of what its speed loop asks for, e = U − β s, s the wheel's speed
-//! and β its feedback, 1 or somewhat less, sgn e · min(|e|, d) is lost.
+//! and β its feedback, 1 or somewhat less, sgn e · min(|e|, d) is lost; where the loops are closed on forward and angular velocity, e is what both ask
+//! of the wheel (`force::asked`).
 
 use serde::{Deserialize, Serialize};
 use wheelwright_core::Effect;
@@ -65,13 +66,17 @@ impl Effect for DeadZone {
 
     fn parameters(&self, scene: &Scene) -> Vec<EffectParameter> {
         let of = |p: super::parts::Part| p.parameter("threshold", &p.unit, (0.0, p.largest), 0.03 * p.typical).neutral(0.0);
-        self.parts(scene).list(scene).into_iter().map(of).chain(self.servo.then(force::feedback)).collect()
+        let mut all: Vec<EffectParameter> = self.parts(scene).list(scene).into_iter().map(of).collect();
+        if self.servo {
+            all.extend([force::feedback()].into_iter().chain(force::turning_ratio(scene)));
+        }
+        all
     }
 
     fn starts(&self, scene: &Scene) -> Vec<Start> {
         let sizes: Vec<f64> = self.parts(scene).list(scene).iter().map(|p| p.typical).collect();
         let mut all = shares(&sizes, &[0.02, 0.03, 0.045, 0.065, 0.09, 0.13, 0.18, 0.25, 0.35, 0.5, 0.7, 0.95]);
-        all.iter_mut().filter(|_| self.servo).for_each(|start| start.values.push(1.0));
+        all.iter_mut().filter(|_| self.servo).for_each(|start| start.values.extend([1.0, 1.0]));
         all
     }
 
@@ -149,7 +154,7 @@ impl Effect for DeadZone {
             return;
         }
         let frame = &at.scene.frame;
-        let lost = force::asked(frame, motion, p[1]).map(|e| -e.clamp(-p[0].abs(), p[0].abs()));
-        frame.add_at_wheels(lost, 1.0, drive);
+        let lost = force::asked(frame, motion, p[1], p[2]).map(|e| -e.clamp(-p[0].abs(), p[0].abs()));
+        frame.add_at_wheels(lost, p[2], drive);
     }
 }

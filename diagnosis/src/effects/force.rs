@@ -56,10 +56,12 @@ pub(super) fn needs_loops(scene: &Scene) -> Option<String> {
         .then(|| "the robot is not commanded by velocities: no loop keeps a wheel's rate".to_owned())
 }
 
-/// What each wheel's loop asks its motor for: what it is told less its [feedback](feedback) times what the wheel does.
-pub(super) fn asked(frame: &Frame, motion: &Motion<'_>, feedback: f64) -> [f64; 2] {
-    let (told, done) = (frame.wheels(motion.u), frame.wheels(motion.outputs));
-    [told[0] - feedback * done[0], told[1] - feedback * done[1]]
+/// What each wheel's motor is asked for, in terms of forward speed: what is told less its [feedback](feedback) times what is done. Where the loops are
+/// closed on forward and angular velocity, the turning one counts at each wheel by its own strength, 1/ρ of the other's. Back-EMF is the motors' own,
+/// so that of a loop that is ρ times as weak it takes ρ times the share that the feedback leaves.
+pub(super) fn asked(frame: &Frame, motion: &Motion<'_>, feedback: f64, ratio: f64) -> [f64; 2] {
+    let asked = [(0, 1.0), (1, ratio)].map(|(axis, ratio)| motion.u[axis] - (1.0 - ratio * (1.0 - feedback)) * motion.outputs[axis]);
+    frame.at_wheels(&asked, ratio)
 }
 
 /// Spread of the feedback between robots.

@@ -1,7 +1,8 @@
 //! The wheels answer their commands unequally: U_R' = (1 + g) U_R, U_L' = (1 − g) U_L.
 //!
 //! With `servo` it is the whole loop of a wheel that is stronger, and not what it is told alone: the drive gains ± g (U − β s), s the wheel's
-//! ground speed and β its feedback, 1 or somewhat less. At rest on its set-point such a wheel runs as the others do.
+//! ground speed and β its feedback, 1 or somewhat less. At rest on its set-point such a wheel runs as the others do. Where the loops are closed on
+//! forward and angular velocity, what both ask of a wheel counts by their strengths (`force::asked`).
 
 use serde::{Deserialize, Serialize};
 use wheelwright_core::Effect;
@@ -41,13 +42,19 @@ impl Effect for GainAsymmetry {
         looped.or_else(|| (!scene.frame.has_wheels()).then(|| "the model's channels do not tell the wheels' commands".to_owned()))
     }
 
-    fn parameters(&self, _scene: &Scene) -> Vec<EffectParameter> {
+    fn parameters(&self, scene: &Scene) -> Vec<EffectParameter> {
         let gain = EffectParameter::new("gain", "1", (-0.5, 0.5), 0.02).neutral(0.0);
-        if self.servo { vec![gain, force::feedback()] } else { vec![gain] }
+        match self.servo {
+            true => [gain, force::feedback()].into_iter().chain(force::turning_ratio(scene)).collect(),
+            false => vec![gain],
+        }
     }
 
-    fn starts(&self, _scene: &Scene) -> Vec<Start> {
-        vec![Start { values: if self.servo { vec![0.02, 1.0] } else { vec![0.02] }, columns: vec![vec![0]], linear: true }]
+    fn starts(&self, scene: &Scene) -> Vec<Start> {
+        match self.servo {
+            true => force::starts(scene, &[0.02, 1.0], &[vec![0]]),
+            false => vec![Start { values: vec![0.02], columns: vec![vec![0]], linear: true }],
+        }
     }
 
     fn statement(&self, values: &[Estimate], _scene: &Scene) -> String {
@@ -110,7 +117,7 @@ impl Effect for GainAsymmetry {
             return;
         }
         let frame = &at.scene.frame;
-        let [left, right] = force::asked(frame, motion, p[1]);
-        frame.add_at_wheels([-p[0] * left, p[0] * right], 1.0, drive);
+        let [left, right] = force::asked(frame, motion, p[1], p[2]);
+        frame.add_at_wheels([-p[0] * left, p[0] * right], p[2], drive);
     }
 }

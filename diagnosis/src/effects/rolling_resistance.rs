@@ -63,7 +63,9 @@ impl Effect for RollingResistance {
     fn statement(&self, values: &[Estimate], scene: &Scene) -> String {
         let [carried, driven] = [CARRIED, DRIVEN].map(|place| force::in_words(values[place], scene));
         let place = quantity(values[DISTANCE], "m");
-        format!("rolling resistance uses up {driven} at each driven wheel and {carried} for what rolls along {place} from the axle; the model had none")
+        format!(
+            "rolling resistance uses up {driven} at each driven wheel and {carried} for what rolls along {place} from the axle; the model had none"
+        )
     }
 
     fn contains(&self) -> &'static [&'static str] {

@@ -10,7 +10,8 @@ use super::words::quantity;
 /// A limit of current or torque.
 ///
 /// Where speeds are commanded (the body frame) each wheel's loop pulls in proportion to the speed it lacks, U − s, and the limit cuts
-/// that. Of a loop that asks for voltage back-EMF takes κ s before the current is limited; a loop that asks for current has κ = 0. Where
+/// that. Of a loop that asks for voltage back-EMF takes κ s before the current is limited; a loop that asks for current has κ = 0, and one that feeds
+/// more forward than a speed takes to be held has a negative one. Where
 /// the loops are closed on forward and angular velocity, both pull at each wheel in the ratio of their gains: the wheel lacks e_v ± h
 /// e_ω / ρ with ρ the ratio of the force-to-command gains of forward and angular motion, and what is cut of the angular command is ρ
 /// times as much; its back-EMF is the wheel's own. In voltages, and for channels of which nothing is known, the limit cuts what is left for
@@ -45,7 +46,7 @@ impl Effect for TorqueSaturation {
         match scene.frame {
             Frame::Body { .. } => {
                 let ratio = EffectParameter::new("turning_ratio", "1", (0.2, 4.0), 0.3);
-                let back_emf = EffectParameter::new("back_emf", "1", (0.0, 1.0), 0.4 * BACK_EMF).usually(0.0, BACK_EMF);
+                let back_emf = EffectParameter::new("back_emf", "1", (-1.0, 1.0), 0.4 * BACK_EMF).usually(0.0, BACK_EMF);
                 vec![limit("limit", "m/s", typical), ratio, back_emf]
             }
             Frame::Sides { .. } => vec![limit("limit", &scene.inputs[0].unit, typical)],

@@ -37,7 +37,7 @@ fn a_delay_of_each_axis_shifts_each_command_by_itself() {
 #[test]
 fn a_lag_of_each_axis_filters_each_command_by_itself() {
     let [forward, turn] = [0.03, 0.22];
-    let lag = ActuatorLag { each_axis: true, resonant: false };
+    let lag = ActuatorLag { each_axis: true, ..ActuatorLag::default() };
     let error = difference(&[&lag], &[forward, turn], &[], [0.3, 0.2, 0.3, 0.2], |s, t, x| {
         let (u, a) = (held(s, t), base([x[2], x[3]], x));
         [a[0], a[1], (u[0] - x[2]) / forward, (u[1] - x[3]) / turn]
@@ -48,7 +48,7 @@ fn a_lag_of_each_axis_filters_each_command_by_itself() {
 #[test]
 fn a_resonance_rings() {
     for (tau, damping) in [(0.02, 0.15), (0.09, 0.5), (0.09, 1.0)] {
-        let lag = ActuatorLag { each_axis: false, resonant: true };
+        let lag = ActuatorLag { resonant: true, ..ActuatorLag::default() };
         let error = difference(&[&lag], &[tau, damping], &[], [0.3, 0.2, 0.3, 0.2, 0.0, 0.0], |s, t, x| {
             let (u, a) = (held(s, t), base([x[2], x[3]], x));
             let pull = |u: f64, y: f64, slope: f64| (u - y - 2.0 * damping * tau * slope) / (tau * tau);
@@ -329,7 +329,7 @@ fn effects_of_the_command_side_pass_it_on_in_their_order() {
 /// A filter whose response has a peak is something elastic; one that is merely of second order is a lag.
 #[test]
 fn a_drive_that_rings_is_more_than_a_lag() {
-    let lag = ActuatorLag { each_axis: false, resonant: true };
+    let lag = ActuatorLag { resonant: true, ..ActuatorLag::default() };
     let at = |damping: f64, half: f64| {
         let values = [(0.05, 0.001), (damping, half)];
         lag.beyond(&values.map(|(value, half)| Estimate { value, ci95: Some((value - half, value + half)) }))

@@ -4,9 +4,9 @@ use crate::rig::{HALF_TRACK, body, integrate, sides};
 use wheelwright_core::effect::{Effect, Instant, Track};
 use wheelwright_core::simulation::Readout;
 use wheelwright_diagnosis::effects::{
-    Backlash, BatterySag, Between, CastorDrag, CastorKind, CoulombFriction, CoulombFrictionOneWheel, DeadZone, DirectionAsymmetry,
-    GainAsymmetry, LateralComOffset, PayloadChange, QuadraticDrag, RollingResistance, SagLaw, ScrubLaw, SlipLaw, Slope, Speeds,
-    StribeckFriction, TurningScrub, ViscousAsymmetry, Wheel, WheelRadiusMismatch, WheelSlip,
+    ActuatorLag, Backlash, BatterySag, Between, CastorDrag, CastorKind, CoulombFriction, CoulombFrictionOneWheel, DeadZone,
+    DirectionAsymmetry, GainAsymmetry, LateralComOffset, PayloadChange, QuadraticDrag, RollingResistance, SagLaw, ScrubLaw, SlipLaw, Slope,
+    Speeds, StribeckFriction, TurningScrub, ViscousAsymmetry, Wheel, WheelRadiusMismatch, WheelSlip,
 };
 
 /// Ground speeds of left and right wheel in the body frame.
@@ -266,12 +266,20 @@ fn a_loop_with_another_gain_pushes_by_its_own_error() {
     let rig = body();
     // What is fed back of a speed to a loop that feeds forward.
     let (g, fed) = (0.2, 0.9);
-    let error = rig.error(&GainAsymmetry { servo: true }, &[g, fed], rig.start, &[], |_, u, x| {
-        let [left, right] = [0, 1].map(|i| wheels(u)[i] - fed * wheels(x)[i]);
-        let added = [0.5 * g * (right - left), g * (right + left) / (2.0 * HALF_TRACK)];
-        (rig.base)([u[0] + added[0], u[1] + added[1]], x)
-    });
-    assert!(error < 1e-3, "{error}");
+    // Loops on forward and angular velocity of unequal strength: by voltages. Forward each volt per m/s, turning 1/ρ of that at a wheel, and what
+    // the motors' back-EMF takes is 1 − β of the forward loop's.
+    for ratio in [1.0, 1.6] {
+        let error = rig.error(&GainAsymmetry { servo: true }, &[g, fed, ratio], rig.start, &[], |_, u, x| {
+            let back = 1.0 - fed;
+            let forward = u[0] - (1.0 - back) * x[0];
+            let turning = (u[1] - (1.0 - ratio * back) * x[1]) / ratio;
+            let volts = [forward - HALF_TRACK * turning, forward + HALF_TRACK * turning];
+            let [left, right] = [-g * volts[0], g * volts[1]];
+            let added = [0.5 * (left + right), ratio * (right - left) / (2.0 * HALF_TRACK)];
+            (rig.base)([u[0] + added[0], u[1] + added[1]], x)
+        });
+        assert!(error < 1e-3, "{ratio}: {error}");
+    }
     let k = 0.01;
     let error = rig.error(&BatterySag { servo: true, ..BatterySag::default() }, &[k, fed], rig.start, &[], |t, u, x| {
         let lost = k * (t - rig.stretch().time[0]);
@@ -284,6 +292,24 @@ fn a_loop_with_another_gain_pushes_by_its_own_error() {
         (rig.base)([0, 1].map(|i| u[i] - lost * (u[i] - fed * x[i])), x)
     });
     assert!(error < 1e-3, "{error}");
+}
+
+/// A current that builds up slowly: the push is a state of its own.
+#[test]
+fn a_push_that_lags_makes_the_loop_of_second_order() {
+    let rig = body();
+    for (lag, fed) in [(0.08, 1.0), (0.25, 0.8)] {
+        let effect = ActuatorLag { servo: true, ..ActuatorLag::default() };
+        let asked = |u: [f64; 2], x: [f64; 2]| [0, 1].map(|i| u[i] - fed * x[i]);
+        let [v, w] = rig.start;
+        let [forward, turning] = asked([rig.stretch().inputs[0][0], rig.stretch().inputs[1][0]], rig.start);
+        let error = rig.error(&effect, &[lag, fed], [v, w, forward, turning], &[], |_, u, [v, w, forward, turning]| {
+            let (push, e) = ([forward, turning], asked(u, [v, w]));
+            let [a, b] = (rig.base)([0, 1].map(|i| u[i] + push[i] - e[i]), [v, w]);
+            [a, b, (e[0] - push[0]) / lag, (e[1] - push[1]) / lag]
+        });
+        assert!(error < 1e-3, "{lag}: {error}");
+    }
 }
 
 /// The power that is asked for is what the wheels are told times what they lack.
@@ -310,7 +336,7 @@ fn a_motor_with_a_dead_zone_does_not_push_at_small_errors() {
     let rig = body();
     let (d, fed) = (0.03, 0.9);
     let dead = DeadZone { servo: true, ..DeadZone::default() };
-    let error = rig.error(&dead, &[d, fed], rig.start, &[], |_, u, x| {
+    let error = rig.error(&dead, &[d, fed, 1.0], rig.start, &[], |_, u, x| {
         let [left, right] = [0, 1].map(|i| {
             let lag = wheels(u)[i] - fed * wheels(x)[i];
             if lag.abs() < d { lag } else { d.copysign(lag) }

@@ -83,7 +83,7 @@ fn a_lag_too_short_to_be_one_gives_the_base_run() {
     for rig in [body(), sides()] {
         let (period, plain) = (rig.scene().scales.period, rig.run(&[], &[]));
         for (resonant, values) in [(false, vec![1e-9 * period]), (true, vec![1e-9 * period, 0.2]), (true, vec![0.3 * period, 0.2])] {
-            let run = rig.run(&[&ActuatorLag { each_axis: false, resonant }], &values);
+            let run = rig.run(&[&ActuatorLag { resonant, ..ActuatorLag::default() }], &values);
             assert!(run.iter().flatten().zip(plain.iter().flatten()).all(|(a, b)| (a - b).abs() < 1e-9), "{values:?}");
         }
     }
