@@ -1,7 +1,7 @@
 //! What goes round, and what is left somewhere: where it stood when a recording began is a matter of that recording, as its first sample is.
 
 use nalgebra::{DMatrix, DVector};
-use wheelwright_core::effect::Scene;
+use wheelwright_core::effect::{Effect, Scene};
 
 use crate::holdout::{Explanation, Ground, Proof};
 use crate::residuals::Series;
@@ -9,23 +9,37 @@ use crate::residuals::Series;
 /// Places within its bounds where what was left somewhere is looked for.
 const PLACES: usize = 9;
 
-/// A part of an effect that goes round.
+/// A part of an effect that goes round, or the whole of one that goes by the heading.
 pub(crate) struct Part {
     /// Which of an explanation's effects, and where its values begin.
     effect: usize,
     at: usize,
-    /// Which of its parts.
-    part: usize,
+    /// Which of its parts; none where it is the heading.
+    part: Option<usize>,
+}
+
+impl Part {
+    /// The effect's values with this part elsewhere by an angle.
+    fn elsewhere(&self, effect: &dyn Effect, values: &[f64], angle: f64) -> Option<Vec<f64>> {
+        match self.part {
+            Some(part) => effect.turned(values, part, angle),
+            None => effect.heading_elsewhere(values, angle),
+        }
+    }
 }
 
 impl Explanation<'_> {
-    /// What goes round.
+    /// What goes round, and what goes by a heading that nobody measured.
     pub(crate) fn parts(&self, scene: &Scene) -> Vec<Part> {
         let (mut parts, mut at) = (Vec::new(), 0);
+        let headed = scene.tracks.iter().any(|track| track.headed);
         for (effect, own) in self.effects.iter().enumerate() {
             let count = own.parameters(scene).len();
             let values = &self.values[at..at + count];
-            parts.extend((0..).take_while(|part| own.turned(values, *part, 0.0).is_some()).map(|part| Part { effect, at, part }));
+            let round = (0..).map(|part| Part { effect, at, part: Some(part) });
+            parts.extend(round.take_while(|part| part.elsewhere(*own, values, 0.0).is_some()));
+            let heading = Part { effect, at, part: None };
+            parts.extend(Some(heading).filter(|part| !headed && part.elsewhere(*own, values, 0.0).is_some()));
             at += count;
         }
         parts
@@ -35,7 +49,7 @@ impl Explanation<'_> {
     fn turned(&self, scene: &Scene, part: &Part, angle: f64) -> Option<Self> {
         let effect = self.effects[part.effect];
         let range = part.at..part.at + effect.parameters(scene).len();
-        let turned = effect.turned(&self.values[range.clone()], part.part, angle)?;
+        let turned = part.elsewhere(effect, &self.values[range.clone()], angle)?;
         let mut values = self.values.clone();
         values.splice(range, turned);
         Some(Self { values, ..self.clone() })

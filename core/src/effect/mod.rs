@@ -245,6 +245,12 @@ pub trait Effect: Debug + Send + Sync {
         None
     }
 
+    /// The same values where the robot headed elsewhere by `angle` \[rad\] when the recording began. Where no heading is measured that is a matter of a
+    /// recording as well. `None` where the heading is nothing to it.
+    fn heading_elsewhere(&self, _values: &[f64], _angle: f64) -> Option<Vec<f64>> {
+        None
+    }
+
     /// The multiple of a wheel's turning at which it leaves a line. An effect that has one is tried only where such a line stands out of what
     /// everything else leaves over: it is too rare to be tried on every recording. By default there is none.
     fn line(&self) -> Option<f64> {

@@ -38,6 +38,8 @@ pub struct Scales {
 pub struct Track {
     /// Heading at each sample \[rad\].
     pub heading: Vec<f64>,
+    /// Whether it was measured; otherwise it counts from where the robot happened to stand when the stretch began.
+    pub headed: bool,
     /// Distance that each wheel had rolled at each sample \[m\]: left, right.
     pub distance: [Vec<f64>; 2],
     /// Whether the robot stood still when the stretch began: then nothing was commanded before.
@@ -123,6 +125,7 @@ impl Scene {
         let pair = |k: usize| [stretch.outputs[0][k], stretch.outputs[1][k]];
         let integral = |of: &dyn Fn(usize) -> f64| integral(&stretch.time, of);
         Track {
+            headed: heading.is_some(),
             heading: heading.cloned().unwrap_or_else(|| integral(&|k| self.frame.body(&pair(k))[1])),
             distance: [0, 1].map(|side| integral(&|k| self.frame.wheels(&pair(k))[side])),
             from_rest,

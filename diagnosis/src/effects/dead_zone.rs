@@ -75,7 +75,7 @@ impl Effect for DeadZone {
 
     fn starts(&self, scene: &Scene) -> Vec<Start> {
         let sizes: Vec<f64> = self.parts(scene).list(scene).iter().map(|p| p.typical).collect();
-        let mut all = shares(&sizes, &[0.02, 0.03, 0.045, 0.065, 0.09, 0.13, 0.18, 0.25, 0.35, 0.5, 0.7, 0.95]);
+        let mut all = shares(&sizes, &[0.02, 0.03, 0.045, 0.065, 0.09, 0.13, 0.18, 0.25, 0.35, 0.5, 0.6, 0.7, 0.82, 0.95, 1.1]);
         all.iter_mut().filter(|_| self.servo).for_each(|start| start.values.extend([1.0, 1.0]));
         all
     }

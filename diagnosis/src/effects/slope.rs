@@ -79,6 +79,12 @@ impl Effect for Slope {
         )
     }
 
+    fn heading_elsewhere(&self, values: &[f64], angle: f64) -> Option<Vec<f64>> {
+        let (sin, cos) = angle.sin_cos();
+        let (along, across) = (values[0] * cos + values[1] * sin, values[1] * cos - values[0] * sin);
+        Some([&[along, across], &values[2..]].concat())
+    }
+
     fn excitation(&self) -> &'static str {
         "driving at all headings, as in a circle"
     }

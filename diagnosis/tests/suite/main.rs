@@ -11,6 +11,7 @@ mod documentation;
 mod drive;
 mod dynamics;
 mod forward;
+mod heading;
 mod library;
 mod measurement;
 mod recorded;
