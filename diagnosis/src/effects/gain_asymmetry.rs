@@ -52,7 +52,8 @@ impl Effect for GainAsymmetry {
 
     fn starts(&self, scene: &Scene) -> Vec<Start> {
         match self.servo {
-            true => force::starts(scene, &[0.02, 1.0], &[vec![0]]),
+            // Loops that close tightly, and ones that hardly look.
+            true => [1.0, 0.0].into_iter().flat_map(|feedback| force::starts(scene, &[0.02, feedback], &[vec![0]])).collect(),
             false => vec![Start { values: vec![0.02], columns: vec![vec![0]], linear: true }],
         }
     }
