@@ -51,19 +51,25 @@ impl<'a> Search<'a> {
             let starts = candidates.iter().take(RESIMULATED.1).map(|c| first[c.response].start.clone()).collect();
             responses_at(&current, candidates[0].effect, self.effect(candidates[0].effect), starts)
         };
-        // What a loop promised beside the base model says nothing of what it does beside another: it is always among them.
-        let closes = |c: &Vec<Candidate>| self.effect(c[0].effect).stage() == Stage::Loop;
-        let loops = screened.iter().filter(|c| closes(c)).flat_map(|c| {
+        // What a loop promised beside the base model says nothing of what it does beside another: it is always among them. So is a threshold,
+        // which lets through what something else makes of a command; of its variants the plain one, that all others begin from.
+        let plain = |i: usize| (0..i).all(|other| self.effect(other).name() != self.effect(i).name());
+        let always = |c: &Vec<Candidate>| match self.effect(c[0].effect).stage() {
+            Stage::Loop => true,
+            Stage::Threshold => plain(c[0].effect),
+            _ => false,
+        };
+        let anew = screened.iter().filter(|c| always(c)).flat_map(|c| {
             let even = self.effect(c[0].effect).starts(self.setting.scene).into_iter().filter(even).collect();
             responses_at(&current, c[0].effect, self.effect(c[0].effect), even)
         });
         // Nor does it of what has to do with what was found: what had evidence by itself is among them too.
-        let open = |c: &&Vec<Candidate>| !closes(c);
+        let open = |c: &&Vec<Candidate>| !always(c);
         let alone = ranking.iter().filter(|(_, score)| *score > 0.0).filter_map(|(i, _)| screened.iter().find(|c| c[0].effect == *i));
         let alone: Vec<_> = alone.filter(open).filter(self.few()).take(RESIMULATED.0 / 2).collect();
         let others = |c: &&Vec<Candidate>| open(c) && alone.iter().all(|a| a[0].effect != c[0].effect);
         let beside = screened.iter().filter(others).filter(self.few()).take(RESIMULATED.0 - alone.len());
-        alone.iter().copied().chain(beside).flat_map(of).chain(loops).collect()
+        alone.iter().copied().chain(beside).flat_map(of).chain(anew).collect()
     }
 
     /// Every effect of no family that the model has already, at all its starts; best effect and best start first.
