@@ -5,6 +5,9 @@
 //! difference counts, one that remains when either has its parameters where the held-out data would have them, as far as the training data
 //! let them go (`leeway.rs`).
 //!
+//! What the training data show to be too little beside what was explained to be more than the imperfect form of that, joins if the held-out data want
+//! it as decisively: another kind of driving shows how a law is imperfect elsewhere.
+//!
 //! An effect beside others goes if they do decisively better on the held-out data without it, or if these know nothing of what it changes
 //! there, whatever its evidence on the training data: it stood in for the imperfect form of the others there.
 
@@ -37,6 +40,9 @@ pub(crate) fn judged(question: &Question<'_>, search: &Search<'_>, mut selected:
         selected = fewer;
         search.exchange(&mut selected, first, None);
         selected = exchanged(&bench, search, selected);
+    }
+    while let Some(more) = bench.further(search, &selected, first) {
+        selected = exchanged(&bench, search, more);
     }
     selected
 }
@@ -156,6 +162,15 @@ impl<'q> Bench<'q> {
     fn fewer(&self, search: &Search<'_>, selected: &Selected) -> Option<Selected> {
         let (_, rest) = self.rests(search, selected).into_iter().next()?;
         self.better(search, &rest, &selected.state).then(|| search.only(selected, &rest)).flatten()
+    }
+
+    /// The selection with a further effect that is small beside its members on the training data, and is missed on the held-out data.
+    fn further(&self, search: &Search<'_>, selected: &Selected, first: &[Response]) -> Option<Selected> {
+        let apart = selected.state.effects.len() == search.fixed(selected) || search.full(selected);
+        if apart || !self.decisive(self.training, self.with_leeway(search, &selected.state)) {
+            return None;
+        }
+        search.joined_by_little(selected, first).filter(|more| self.better(search, &more.state, &selected.state))
     }
 
     /// The selection without the member of which the held-out data know nothing and miss least, if there is such.

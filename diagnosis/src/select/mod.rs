@@ -170,7 +170,16 @@ impl<'a> Search<'a> {
 
     /// The selection with the best of some effects, if any holds its evidence beside it.
     pub(crate) fn joined(&self, selected: &Selected, responses: &[Response]) -> Option<Selected> {
-        self.round(selected, responses).1
+        self.round(selected, responses, SHARE).1
+    }
+
+    /// The same with an effect of which the evidence may be a small share: the imperfect form of what was found, or one that is small beside it.
+    pub(crate) fn joined_by_little(&self, selected: &Selected, first: &[Response]) -> Option<Selected> {
+        let more = self.round(selected, first, 0.0).1?;
+        let mut rivals = selected.rivals.clone();
+        rivals.resize(selected.state.effects.len(), Vec::new());
+        rivals.extend(more.rivals);
+        Some(Selected { rivals, ..more })
     }
 
     /// Adds effects to the base while they are worth it.
@@ -188,7 +197,7 @@ impl<'a> Search<'a> {
             if self.full(&selected) {
                 break;
             }
-            let (ranking, mut joined) = self.round(&selected, first);
+            let (ranking, mut joined) = self.round(&selected, first, SHARE);
             if depth == 0 {
                 selected.ranking = ranking;
             }
@@ -204,13 +213,13 @@ impl<'a> Search<'a> {
     }
 
     /// What every effect is worth beside a model, and the model with the best that holds its evidence under the noise it leaves: a
-    /// candidate that loses it makes room for the next.
-    fn round(&self, selected: &Selected, first: &[Response]) -> (Vec<(usize, f64)>, Option<Selected>) {
+    /// candidate that loses it makes room for the next. `share` is the least one of what the model explains that it has to add.
+    fn round(&self, selected: &Selected, first: &[Response], share: f64) -> (Vec<(usize, f64)>, Option<Selected>) {
         let responses = self.responses_beside(&selected.state, selected, first);
         let screened = self.screen(&selected.state, &selected.whitening, &responses);
-        let field = Field::open(selected.gained(&self.setting, &selected.state.fit));
+        let field = Field::open(share / SHARE * selected.gained(&self.setting, &selected.state.fit));
         let refined = self.refine(&selected.state, &selected.whitening, &screened, &responses, &field);
-        let joined = (0..refined.len().min(2)).filter(|i| refined[*i].score > 0.0).find_map(|i| self.join(selected, &refined, i));
+        let joined = (0..refined.len().min(2)).filter(|i| refined[*i].score > 0.0).find_map(|i| self.join(selected, &refined, i, share));
         (self.ranking(&screened, &refined), joined)
     }
 
@@ -239,7 +248,7 @@ impl<'a> Search<'a> {
 
     /// Takes a candidate into the model if its evidence holds under the noise that it leaves itself. A misfit hides in the noise of
     /// the model that lacks the effect, but noise cannot hide from the model that has it.
-    fn join(&self, selected: &Selected, refined: &[Refined], which: usize) -> Option<Selected> {
+    fn join(&self, selected: &Selected, refined: &[Refined], which: usize, share: f64) -> Option<Selected> {
         let candidate = &refined[which];
         let effects = selected.state.and(candidate.effect);
         let noise = self.noise_of(&effects, &candidate.fit, &selected.whitening)?;
@@ -251,7 +260,7 @@ impl<'a> Search<'a> {
         let score = gain - self.penalty(self.freedom(&effects, &with) - self.freedom(&selected.state.effects, &without));
         let base = if selected.state.effects.is_empty() { without.clone() } else { self.under(&[], &selected.base, &noise, COMPARING)?.1 };
         let explained = likelihood(&with) - likelihood(&base) - gain;
-        let matters = score >= SHARE * explained || self.sizeable(&base, &without, &with, &noise);
+        let matters = score >= share * explained || self.sizeable(&base, &without, &with, &noise);
         (score > 0.0 && matters).then(|| Selected {
             state: State { effects, fit: with },
             whitening,
