@@ -3,6 +3,8 @@
 //! With `slowing`, |U'| falls at a rate of its own: drivers and motor controllers set acceleration and deceleration apart. Where the sign changes,
 //! it falls to zero first and grows from there; whether the way to zero is slowing down differs from one controller to the next, so that there it
 //! falls at another multiple of that rate.
+//!
+//! With `settling`, it comes to its goal gently: U'̇ = clip((U − U')/τ, ±a), a follower of first order whose rate is limited.
 
 use serde::{Deserialize, Serialize};
 use wheelwright_core::Effect;
@@ -24,11 +26,20 @@ pub struct SlewLimit {
     /// With another rate for slowing down than for speeding up.
     #[serde(skip_serializing_if = "std::ops::Not::not")]
     pub slowing: bool,
+    /// Coming to rest on its goal with a time constant.
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    pub settling: bool,
 }
+
+/// Time constants with which commands settle, at most and at first \[s\].
+const LONGEST: f64 = 2.0;
+const SETTLING: [f64; 2] = [0.1, 0.5];
 
 /// Rates that are tried where slowing down has its own, in sizes of the command a second, and how many times as fast it is.
 const SPEEDING: [f64; 5] = [0.25, 0.6, 1.5, 4.0, 10.0];
 const SLOWING: [f64; 2] = [0.5, 2.0];
+/// Share of a typical command below which nothing of one that settles is left to see.
+const UNSEEN: f64 = 1e-3;
 /// Multiples of the rate of slowing down at which a command may fall that reverses.
 const REVERSING: (f64, f64) = (0.05, 20.0);
 
@@ -49,6 +60,18 @@ fn rates(p: &[f64], slowing: bool, i: usize) -> [f64; 3] {
     }
     let parts = p.len() / 3;
     [p[i], p[parts + i], p[parts + i] * p[2 * parts + i]]
+}
+
+/// Where a command is after a time on its way to a goal on which it settles.
+fn settled(from: f64, to: f64, rate: f64, time_constant: f64, span: f64) -> f64 {
+    let far = (to - from).abs();
+    let near = rate * time_constant;
+    let ramp = ((far - near) / rate).max(0.0);
+    if span <= ramp {
+        return from + (rate * span).copysign(to - from);
+    }
+    let left = if time_constant > 0.0 { far.min(near) * (-(span - ramp) / time_constant).exp() } else { 0.0 };
+    to - left.copysign(to - from)
 }
 
 /// How far a command goes on its way before its rate changes, and which of the rates it has until then.
@@ -77,9 +100,12 @@ impl Effect for SlewLimit {
     }
 
     fn about(&self) -> String {
-        let rates =
-            if self.slowing { "the rates at which they grow and fall are limited apart" } else { "their rate of change is limited" };
-        format!("commands are ramped: {rates}")
+        let how = match (self.slowing, self.settling) {
+            (true, _) => "the rates at which they grow and fall are limited apart",
+            (_, true) => "their rate of change is limited, and they settle on their goal",
+            _ => "their rate of change is limited",
+        };
+        format!("commands are ramped: {how}")
     }
 
     fn stage(&self) -> Stage {
@@ -99,6 +125,9 @@ impl Effect for SlewLimit {
         if self.wheels && self.axis.is_some() {
             return Some("it is set to the wheels and to an axis: it acts on one of them".to_owned());
         }
+        if self.slowing && self.settling {
+            return Some("it is set to slow down at a rate of its own and to settle: it does one of them".to_owned());
+        }
         Parts::refuse(scene.frame, None, self.axis)
     }
 
@@ -109,6 +138,9 @@ impl Effect for SlewLimit {
             |name: &str, p: &Part| p.parameter(name, &unit(p), (lowest * p.typical, f64::INFINITY), 0.3 * p.typical).neutral(f64::INFINITY);
         let parts = self.parts(scene).list(scene);
         let mut all: Vec<EffectParameter> = parts.iter().map(|p| of("rate", p)).collect();
+        if self.settling {
+            all.push(EffectParameter::new("settling_time", "s", (0.0, LONGEST), 0.1).neutral(0.0));
+        }
         if self.slowing {
             all.extend(parts.iter().map(|p| of("slowing_rate", p)));
             all.extend(parts.iter().map(|p| p.parameter("reversing", "1", REVERSING, 0.2).usually(1.0, 1.0)));
@@ -118,8 +150,16 @@ impl Effect for SlewLimit {
 
     fn starts(&self, scene: &Scene) -> Vec<Start> {
         let sizes: Vec<f64> = self.parts(scene).list(scene).iter().map(|p| p.typical).collect();
+        let n = sizes.len();
+        if self.settling {
+            let at = |share: f64, time: f64| Start {
+                values: sizes.iter().map(|size| share * size).chain([time]).collect(),
+                columns: (0..n).map(|i| vec![i]).collect(),
+                linear: false,
+            };
+            return SPEEDING.iter().flat_map(|share| SETTLING.map(|time| at(*share, time))).collect();
+        }
         if self.slowing {
-            let n = sizes.len();
             let at = |share: f64, times: f64| Start {
                 values: [share, share * times]
                     .iter()
@@ -145,6 +185,9 @@ impl Effect for SlewLimit {
             })
         };
         let said = match values.chunks(parts.len()).collect::<Vec<_>>()[..] {
+            [rates, settling] if self.settling => {
+                format!("{}, and settles with a time constant of {}", of(rates, "changes"), quantity(settling[0], "s"))
+            }
             [up, down, reversing] => {
                 let back = |v: &Estimate| format!("{} times as fast", quantity(*v, "1"));
                 let back = reversing.iter().map(back).collect::<Vec<_>>().join(" and ");
@@ -183,6 +226,18 @@ impl Effect for SlewLimit {
     fn next_switch(&self, p: &[f64], at: &Instant<'_>, state: &[f64]) -> f64 {
         let parts = self.parts(at.scene);
         let acted_on = state.chunks_exact(2).enumerate().filter_map(|(i, s)| Some((parts.parameter_of(i)?, s)));
+        let later = |t: &f64| *t > at.time + 1e-9 * at.scene.scales.period;
+        if self.settling {
+            let (time, scales) = (p[p.len() - 1], &at.scene.scales.inputs);
+            let next = |(i, s): (usize, &[f64])| {
+                let far = (s[1] - s[0]).abs();
+                let ramp = far / p[i] - time;
+                // Steps are short while it settles: of one time constant each, until nothing is left to see.
+                let seen = time > 0.0 && far > UNSEEN * scales[i];
+                at.time + if ramp > 0.0 { ramp } else if seen { time } else { f64::INFINITY }
+            };
+            return acted_on.map(next).filter(later).fold(f64::INFINITY, f64::min);
+        }
         let ends = acted_on.flat_map(|(i, s)| {
             let rates = rates(p, self.slowing, i);
             let (turn, rate) = if self.slowing { leg(s[0], s[1], rates) } else { (s[1], rates[0]) };
@@ -190,12 +245,16 @@ impl Effect for SlewLimit {
             let turned = at.time + time(s[0], turn, rate);
             [turned, turned + time(turn, s[1], rates[0])]
         });
-        ends.filter(|t| *t > at.time + 1e-9 * at.scene.scales.period).fold(f64::INFINITY, f64::min)
+        ends.filter(later).fold(f64::INFINITY, f64::min)
     }
 
     fn command(&self, p: &[f64], at: &Instant<'_>, _outputs: &[f64], state: &mut [f64], u: &mut [f64]) {
         self.parts(at.scene).change(u, |part, i, goal| {
-            let there = ramped(state[2 * part], goal, rates(p, self.slowing, i), at.span);
+            let from = state[2 * part];
+            let there = match self.settling {
+                true => settled(from, goal, p[i], p[p.len() - 1], at.span),
+                false => ramped(from, goal, rates(p, self.slowing, i), at.span),
+            };
             state[2 * part..2 * part + 2].copy_from_slice(&[there, goal]);
             there
         });

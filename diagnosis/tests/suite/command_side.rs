@@ -159,6 +159,19 @@ fn a_ramp_bounds_the_rate_of_each_axis() {
 }
 
 #[test]
+fn a_ramp_may_settle_on_its_goal() {
+    let settling = SlewLimit { settling: true, ..SlewLimit::default() };
+    for (forward, turn, time) in [(0.4, 1.3, 0.3), (3.0, 0.8, 0.1), (0.5, 9.0, 0.02)] {
+        let follow = |goal: f64, at: f64, rate: f64| ((goal - at) / time).max(-rate).min(rate);
+        let error = difference(&[&settling], &[forward, turn, time], &[], [0.3, 0.2, 0.3, 0.2], |s, t, x| {
+            let (u, a) = (held(s, t), base([x[2], x[3]], x));
+            [a[0], a[1], follow(u[0], x[2], forward), follow(u[1], x[3], turn)]
+        });
+        assert!(error < 1e-3, "{forward} {turn} {time}: {error}");
+    }
+}
+
+#[test]
 fn a_ramp_may_act_on_wheels_or_on_one_axis() {
     let wheel = SlewLimit { wheels: true, ..SlewLimit::default() };
     let [l, r] = wheels([0.3, 0.2]);
@@ -202,7 +215,7 @@ fn a_ramp_may_slow_down_at_another_rate() {
             },
         );
         let [l, r] = wheels([0.3, 0.2]);
-        let (at_wheels, rates) = (SlewLimit { wheels: true, slowing: true, axis: None }, [forward, braking, back]);
+        let (at_wheels, rates) = (SlewLimit { wheels: true, slowing: true, ..SlewLimit::default() }, [forward, braking, back]);
         let by_wheel = difference(&[&at_wheels], &[forward, braking, back / braking], &[], [0.3, 0.2, l, r], |s, t, x| {
             let ([l, r], a) = (wheels(held(s, t)), base(body([x[2], x[3]]), x));
             [a[0], a[1], pursuit(l, x[2], rates), pursuit(r, x[3], rates)]
@@ -215,7 +228,7 @@ fn a_ramp_may_slow_down_at_another_rate() {
 #[test]
 fn a_run_changes_smoothly_with_the_rates_of_a_ramp() {
     let rig = rig::body();
-    let wheels = SlewLimit { wheels: true, slowing: true, axis: None };
+    let wheels = SlewLimit { wheels: true, slowing: true, ..SlewLimit::default() };
     let run = |rates: [f64; 3]| rig.run(&[&wheels], &rates).concat();
     let rates = [0.6, 1.1, 0.8];
     let at = run(rates);

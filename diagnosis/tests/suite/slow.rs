@@ -15,7 +15,7 @@ const THETA: [f64; 6] = [0.04, 0.03, 0.002, 1.02, 0.02, 1.05];
 fn a_slow_ramp_is_found_before_a_quick_robot() {
     let model = VwPdConfig::default().build().unwrap();
     for (rate, seed) in [(0.2, 4), (0.115, 6)] {
-        let ramp = SlewLimit { wheels: true, slowing: true, axis: None };
+        let ramp = SlewLimit { wheels: true, slowing: true, ..SlewLimit::default() };
         let drive = Drive { samples: 1300, change: 0.04, forward: -0.1..0.6, turning: -1.2..1.2, seed };
         let (mut data, mut random) = drive.driven(&*model, &THETA, 0.34, &ramp, &[rate, 2.0 * rate, 0.5]);
         blur(&mut data, [0.004, 0.012], &mut random);
