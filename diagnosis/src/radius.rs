@@ -42,8 +42,10 @@ const LONGEST: f64 = 1e6;
 const DENSE: f64 = 4.0;
 /// Chance that noise shows a line.
 const FALSE_ALARM: f64 = 1e-3;
-/// A line stands out from its neighbourhood by this factor: twice the one that is asked where the wheels are known.
-const CONTRAST: f64 = 8.0;
+/// A line stands out from its neighbourhood by this factor in what an explanation leaves, as where the wheels are known; and by twice that in what
+/// the base model leaves, which has structure of its own.
+const CONTRAST: f64 = 4.0;
+const BESIDE_STRUCTURE: f64 = 2.0 * CONTRAST;
 /// What counts as neighbourhood to either side, as a share of the wave number.
 const NEIGHBOURHOOD: f64 = 0.25;
 /// Turns within which a line cannot be told from a wander.
@@ -72,7 +74,7 @@ struct Line {
 /// more than all others do at the ordinary ones.
 pub(crate) fn shown(question: &Question<'_>, start: &Surroundings<'_>, headings: Option<&[Vec<f64>]>) -> Option<Wheels> {
     let Search { setting, library, open, .. } = &start.search;
-    let wheels = strongest(&start.search.setting, &start.base, question.track_width.is_none())?;
+    let wheels = strongest(&start.search.setting, &start.base, question.track_width.is_none(), BESIDE_STRUCTURE)?;
     let scene = Scene::new(setting.data, question.model, wheels.track_width, wheels.radius, headings);
     let round: Vec<usize> = (0..library.len()).filter(|i| !open.contains(i) && tried(&*library[*i], &scene)).collect();
     let round = evidence(start, &scene, round);
@@ -82,11 +84,11 @@ pub(crate) fn shown(question: &Question<'_>, start: &Surroundings<'_>, headings:
 /// The same of what an explanation leaves over, which may show a line that was lost in what it explains.
 pub(crate) fn left_over(question: &Question<'_>, setting: &Setting<'_>, explained: &Fit) -> Option<Wheels> {
     let unknown = setting.scene.wheel_radius.is_none() && !setting.exhausted();
-    if unknown { strongest(setting, explained, question.track_width.is_none()) } else { None }
+    if unknown { strongest(setting, explained, question.track_width.is_none(), CONTRAST) } else { None }
 }
 
 /// The wheels of the strongest line in what a fit leaves over, if there is one; `any_track` if the track may be another than the scene's.
-fn strongest(setting: &Setting<'_>, fit: &Fit, any_track: bool) -> Option<Wheels> {
+fn strongest(setting: &Setting<'_>, fit: &Fit, any_track: bool, contrast: f64) -> Option<Wheels> {
     let course = Course::of(setting, fit)?;
     let half_tracks = if any_track { course.half_tracks() } else { vec![setting.scene.frame.half_track()] };
     let waves = Waves::of(&course)?;
@@ -96,10 +98,10 @@ fn strongest(setting: &Setting<'_>, fit: &Fit, any_track: bool) -> Option<Wheels
     for half_track in half_tracks {
         for side in 0..2 {
             let power = course.power(&waves, side, half_track, &mut planner, |row| row.left);
-            let Some(line) = waves.line(&power, half_track, looks) else { continue };
+            let Some(line) = waves.line(&power, half_track, looks, contrast) else { continue };
             if best.is_none_or(|b| line.power > b.power) {
                 let driven = course.power(&waves, side, half_track, &mut planner, |row| row.gained);
-                best = Some(line).filter(|line| !waves.stands_out(&driven, line.at)).or(best);
+                best = Some(line).filter(|line| !waves.stands_out(&driven, line.at, BESIDE_STRUCTURE)).or(best);
             }
         }
     }
@@ -230,25 +232,25 @@ impl Waves {
     }
 
     /// The strongest line.
-    fn line(&self, power: &[f64], half_track: f64, looks: f64) -> Option<Line> {
+    fn line(&self, power: &[f64], half_track: f64, looks: f64, contrast: f64) -> Option<Line> {
         let (at, &largest) = power.iter().enumerate().max_by(|a, b| a.1.total_cmp(b.1))?;
         // Four degrees of freedom by chance: e^{−x/2} (1 + x/2) beyond x.
         if 0.5 * largest - (0.5 * largest).ln_1p() < (looks / FALSE_ALARM).ln() {
             return None;
         }
         let wave_number = at as f64 * self.lowest;
-        self.stands_out(power, at).then_some(Line { power: largest, at, wave_number, half_track })
+        self.stands_out(power, at, contrast).then_some(Line { power: largest, at, wave_number, half_track })
     }
 
     /// Whether the most power about a wave number stands out from that of its neighbourhood.
-    fn stands_out(&self, power: &[f64], at: usize) -> bool {
+    fn stands_out(&self, power: &[f64], at: usize, contrast: f64) -> bool {
         let width = (2.0 * DENSE) as usize;
         let reach = ((NEIGHBOURHOOD * at as f64) as usize).max(4 * width);
         let around = at.saturating_sub(reach).max(self.first)..(at + reach + 1).min(power.len());
         let (own, mut near): (Vec<usize>, Vec<usize>) = around.partition(|k| k.abs_diff(at) <= width);
         near.sort_by(|a, b| power[*a].total_cmp(&power[*b]));
         let usual = near.get(near.len() * 9 / 10).map_or(0.0, |k| power[*k]);
-        own.into_iter().any(|k| power[k] > CONTRAST * usual)
+        own.into_iter().any(|k| power[k] > contrast * usual)
     }
 }
 
