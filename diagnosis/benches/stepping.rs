@@ -5,7 +5,9 @@ use std::hint::black_box;
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
 use wheelwright_core::effect::{EffectSimulator, Scene};
 use wheelwright_core::{Dataset, Effect, ModelConfig, Stretch};
-use wheelwright_diagnosis::effects::{CommandDelay, CoulombFriction, SlewLimit};
+use wheelwright_diagnosis::effects::{
+    Backlash, CastorDrag, CastorKind, CommandDelay, CoulombFriction, SlewLimit, SlipLaw, WheelSlip,
+};
 use wheelwright_models::VwPdConfig;
 
 const THETA: [f64; 6] = [0.26, 0.19, -0.01, 1.02, 0.05, 1.05];
@@ -26,11 +28,17 @@ fn stepping(criterion: &mut Criterion) {
     let data = Dataset { inputs: model.inputs().to_vec(), outputs: model.outputs().to_vec(), stretches: vec![stretch()] };
     let scene = Scene::new(&data, &*model, 0.34, None, None);
     let (friction, delay, slew) = (CoulombFriction::default(), CommandDelay::default(), SlewLimit::default());
-    let cases: [(&str, Vec<&dyn Effect>, Vec<f64>); 5] = [
+    let (creep, grip) = (WheelSlip { law: SlipLaw::Creep }, WheelSlip { law: SlipLaw::Grip });
+    let (castor, play) = (CastorDrag { kind: CastorKind::Swivel }, Backlash { at_motor: true });
+    let cases: [(&str, Vec<&dyn Effect>, Vec<f64>); 9] = [
         ("none", vec![], vec![]),
         ("friction", vec![&friction], vec![0.03, 1.0]),
         ("delay", vec![&delay], vec![0.11]),
         ("ramp", vec![&slew], vec![1.0, 2.0]),
+        ("creep", vec![&creep], vec![0.1, 0.02, 1.0]),
+        ("grip", vec![&grip], vec![1.0, 0.1, 0.02, 1.0]),
+        ("castor", vec![&castor], vec![0.02, 0.2, 0.05, 0.001, 0.001, 0.0, 1.0]),
+        ("play", vec![&play], vec![0.004, 0.02, 0.0, 1.0]),
         ("delay and friction", vec![&delay, &friction], vec![0.11, 0.03, 1.0]),
     ];
     let mut group = criterion.benchmark_group("free_run_with_effects");

@@ -283,6 +283,11 @@ pub trait Effect: Debug + Send + Sync {
         &[]
     }
 
+    /// What a step with it costs, in terms of one with friction: a search has so much to spend.
+    fn effort(&self) -> u64 {
+        1
+    }
+
     /// The motion that shows it: "slow driving in both directions, through standstill".
     fn excitation(&self) -> &'static str;
 

@@ -110,6 +110,11 @@ impl Effect for Backlash {
         format!("the gears have a play of {play} at the rim{angle}; the model had none")
     }
 
+    /// As measured (`benches/stepping.rs`).
+    fn effort(&self) -> u64 {
+        5
+    }
+
     fn excitation(&self) -> &'static str {
         "frequent changes between pushing and braking, best about standstill"
     }

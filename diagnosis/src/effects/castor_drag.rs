@@ -158,6 +158,11 @@ impl Effect for CastorDrag {
         }
     }
 
+    /// As measured (`benches/stepping.rs`).
+    fn effort(&self) -> u64 {
+        if self.kind == CastorKind::Swivel { 4 } else { 1 }
+    }
+
     fn excitation(&self) -> &'static str {
         "reversals and turns in place, after which the castor has to swing round"
     }

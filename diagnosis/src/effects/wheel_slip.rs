@@ -144,6 +144,14 @@ impl Effect for WheelSlip {
         }
     }
 
+    /// As measured (`benches/stepping.rs`).
+    fn effort(&self) -> u64 {
+        match self.law {
+            SlipLaw::Creep => 3,
+            SlipLaw::Grip => 7,
+        }
+    }
+
     fn excitation(&self) -> &'static str {
         match self.law {
             SlipLaw::Creep => "the same steps of the command at low and at high speed",

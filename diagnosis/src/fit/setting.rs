@@ -192,7 +192,7 @@ impl<'s, 'a> Runner<'s, 'a> {
         let mut simulator = EffectSimulator::new(setting.model, &theta, effects, setting.scene)?.with_readout(setting.readout);
         simulator.set(&theta, &at.x[setting.free()..])?;
         let parameters = effects.iter().flat_map(|e| e.parameters(setting.scene)).collect();
-        let parts = 1 + effects.len() as u64;
+        let parts = 1 + effects.iter().map(|e| e.effort()).sum::<u64>();
         Ok(Self { setting, simulator, parameters, parts, buffer: vec![Vec::new(); setting.layout.outputs()] })
     }
 
