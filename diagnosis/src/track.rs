@@ -9,11 +9,12 @@ use std::f64::consts::SQRT_2;
 use wheelwright_core::effect::{Frame, Scene};
 
 use crate::diagnose::{DECISIVE, Surroundings};
+use crate::fit::search::{Fit, evaluate, maximise};
 use crate::fit::setting::Setting;
 use crate::question::Question;
-use crate::race::Field;
+use crate::race::{Field, Refined};
 use crate::screen::{Candidate, Response};
-use crate::select::{Search, State};
+use crate::select::{COMPARING, Search, State};
 
 /// Track width that is taken where none is known and none shows \[m\].
 pub(crate) const ORDINARY: f64 = 0.35;
@@ -52,7 +53,16 @@ pub(crate) fn likeliest(question: &Question<'_>, start: &Surroundings<'_>, headi
         promised.extend(promises(&search, width, &screened(start, &search, &state).1));
     }
     promised.sort_by(|a, b| b.value.total_cmp(&a.value));
-    let evidence = |effect: usize, width: f64| evidence(start, &scene(width), vec![effect]);
+    let fitted = |effect: usize, width: f64| {
+        let scene = scene(width);
+        let search = search(start, &scene, vec![effect]);
+        let (responses, screened) = screened(start, &search, &state);
+        refined(&search, start, &responses, &screened)
+    };
+    let nearby = |effect: usize, width: f64, fit: &Fit| {
+        let scene = scene(width);
+        from(&search(start, &scene, vec![effect]), start, effect, fit)
+    };
     let mut named = Vec::new();
     promised.retain(|p| {
         let name = start.search.effect(p.effect).name();
@@ -62,8 +72,18 @@ pub(crate) fn likeliest(question: &Question<'_>, start: &Surroundings<'_>, headi
     });
     let (mut ordinary, mut best) = (f64::NEG_INFINITY, (ORDINARY, f64::NEG_INFINITY));
     for Promise { effect, width, .. } in promised.into_iter().take(FITTED) {
-        ordinary = evidence(effect, ORDINARY).max(ordinary);
-        let (log, most) = highest(&|log: f64| evidence(effect, log.exp()), (width / SQRT_2).ln(), (width * SQRT_2).ln());
+        ordinary = fitted(effect, ORDINARY).map_or(f64::NEG_INFINITY, |best| best.score).max(ordinary);
+        // From one width to the next no look anew at all starts is needed.
+        let Some(mut known) = fitted(effect, width) else { continue };
+        let evidence = |log: f64| {
+            let Some(next) = nearby(effect, log.exp(), &known.fit) else { return f64::NEG_INFINITY };
+            let score = next.score;
+            if score > known.score {
+                known = next;
+            }
+            score
+        };
+        let (log, most) = highest(evidence, (width / SQRT_2).ln(), (width * SQRT_2).ln());
         if most > best.1 {
             best = (log.exp(), most);
         }
@@ -85,8 +105,22 @@ pub(crate) fn evidence_at_first(start: &Surroundings<'_>) -> f64 {
 }
 
 fn best(search: &Search<'_>, start: &Surroundings<'_>, responses: &[Response], screened: &[Vec<Candidate>]) -> f64 {
-    let refined = search.refine(&start.plain(), &start.whitening, screened, responses, &Field::open(0.0));
-    refined.first().map_or(f64::NEG_INFINITY, |best| best.score)
+    refined(search, start, responses, screened).map_or(f64::NEG_INFINITY, |best| best.score)
+}
+
+/// The best of some effects beside the base model, fitted.
+fn refined(search: &Search<'_>, start: &Surroundings<'_>, responses: &[Response], screened: &[Vec<Candidate>]) -> Option<Refined> {
+    search.refine(&start.plain(), &start.whitening, screened, responses, &Field::open(0.0)).into_iter().next()
+}
+
+/// An effect beside the base model, fitted from where it was in another scene.
+fn from(search: &Search<'_>, start: &Surroundings<'_>, effect: usize, fit: &Fit) -> Option<Refined> {
+    let (setting, effects) = (&search.setting, [effect]);
+    let mut runner = search.runner(&effects, &fit.point)?;
+    let there = evaluate(setting, &mut runner, &start.whitening, &fit.point)?;
+    let fit = maximise(setting, &mut runner, &start.whitening, there, COMPARING, false);
+    let (freedom, score) = search.beyond(&effects, &fit, &start.plain());
+    Some(Refined { effect, fit, freedom, score })
 }
 
 /// What an effect promises at a width, less what it costs.
@@ -127,8 +161,8 @@ fn worth_a_look(search: &Search<'_>, promised: &[Promise]) -> Vec<usize> {
 }
 
 /// Where a function of one hump is highest, and how high.
-fn highest(of: &dyn Fn(f64) -> f64, mut from: f64, mut to: f64) -> (f64, f64) {
-    let at = |x: f64| (x, of(x));
+fn highest(mut of: impl FnMut(f64) -> f64, mut from: f64, mut to: f64) -> (f64, f64) {
+    let mut at = |x: f64| (x, of(x));
     let (mut low, mut high) = (at(to - GOLDEN * (to - from)), at(from + GOLDEN * (to - from)));
     for _ in 2..SECTIONS {
         if low.1 > high.1 {
@@ -148,7 +182,7 @@ mod tests {
 
     #[test]
     fn a_hump_is_found_between_its_feet() {
-        let (x, y) = highest(&|x| 3.0 - (x - 0.3).powi(2), -1.0, 2.0);
+        let (x, y) = highest(|x| 3.0 - (x - 0.3).powi(2), -1.0, 2.0);
         assert!((x - 0.3).abs() < 0.1 && (y - 3.0).abs() < 0.01, "{x} {y}");
     }
 }

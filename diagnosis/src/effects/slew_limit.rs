@@ -65,12 +65,11 @@ fn rates(p: &[f64], slowing: bool, i: usize) -> [f64; 3] {
 /// Where a command is after a time on its way to a goal on which it settles.
 fn settled(from: f64, to: f64, rate: f64, time_constant: f64, span: f64) -> f64 {
     let far = (to - from).abs();
-    let near = rate * time_constant;
-    let ramp = ((far - near) / rate).max(0.0);
-    if span <= ramp {
+    let ramp = (far / rate - time_constant).max(0.0);
+    if span < ramp {
         return from + (rate * span).copysign(to - from);
     }
-    let left = if time_constant > 0.0 { far.min(near) * (-(span - ramp) / time_constant).exp() } else { 0.0 };
+    let left = if time_constant > 0.0 { far.min(rate * time_constant) * (-(span - ramp) / time_constant).exp() } else { 0.0 };
     to - left.copysign(to - from)
 }
 
