@@ -25,7 +25,7 @@ const CONTEST: [(usize, usize); 2] = [(3, 6), (5, 5)];
 const UNBENT: usize = 6;
 /// Effects that go on where the search has had its share of simulation.
 const LAST: usize = 1;
-/// Variants of one effect that may go on together.
+/// Variants of one effect that may go on together, beside its plain form.
 const VARIANTS: usize = 2;
 /// Share of what one parameter costs that an effect's linearised gain has to reach, for a refinement to make evidence of it. Of 97 winners and
 /// equals of winners, over 58 development cases of two engines, none had been promised less than all of it.
@@ -279,14 +279,22 @@ impl<'a> Search<'a> {
         open.chain(screened.iter().filter(closes))
     }
 
-    /// Lets not too many variants of one name pass, the first of them.
+    /// Lets not too many variants of one name pass, the first of them, and its plain form.
     pub(crate) fn few(&self) -> impl FnMut(&&Vec<Candidate>) -> bool {
         let mut names: Vec<&str> = Vec::new();
         move |c| {
             let name = self.effect(c[0].effect).name();
+            if self.plain(c[0].effect) {
+                return true;
+            }
             names.push(name);
             names.iter().filter(|n| **n == name).count() <= VARIANTS
         }
+    }
+
+    /// Whether an effect is the plain form of its name: the first in the library, of which all others are variants.
+    pub(crate) fn plain(&self, effect: usize) -> bool {
+        (0..effect).all(|other| self.effect(other).name() != self.effect(effect).name())
     }
 
     /// An effect at the better of its two best starts, and at the one that changes least: from there the way leads uphill, if slowly.

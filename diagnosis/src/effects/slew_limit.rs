@@ -197,6 +197,11 @@ impl Effect for SlewLimit {
         format!("{said}; the model had no ramp")
     }
 
+    /// One whose rate is no limit is a lag: only a ramp that was found may settle.
+    fn stands_in(&self) -> bool {
+        self.settling
+    }
+
     fn excitation(&self) -> &'static str {
         "large steps of the command, on each axis alone"
     }

@@ -53,10 +53,9 @@ impl<'a> Search<'a> {
         };
         // What a loop promised beside the base model says nothing of what it does beside another: it is always among them. So is a threshold,
         // which lets through what something else makes of a command; of its variants the plain one, that all others begin from.
-        let plain = |i: usize| (0..i).all(|other| self.effect(other).name() != self.effect(i).name());
         let always = |c: &Vec<Candidate>| match self.effect(c[0].effect).stage() {
             Stage::Loop => true,
-            Stage::Threshold => plain(c[0].effect),
+            Stage::Threshold => self.plain(c[0].effect),
             _ => false,
         };
         let anew = screened.iter().filter(|c| always(c)).flat_map(|c| {
