@@ -12,7 +12,7 @@ use crate::effects::{LATENESS, digits};
 use crate::finding::Diagnosis;
 use crate::fit::base::{fit, renew};
 use crate::fit::layout::Layout;
-use crate::fit::search::{Effort, Fit, evaluate, maximise};
+use crate::fit::search::{Effort, Fit};
 use crate::fit::setting::{Point, Runner, Setting};
 use crate::fit::whitening::Whitening;
 use crate::judge::judged;
@@ -347,13 +347,11 @@ fn come_round<'a>(story: Story<'a>, closer: &'a OnceCell<Scene>) -> Story<'a> {
 /// The base model with the effect that is known from beside, fitted within what is known of it.
 fn with_known(search: &Search<'_>, base: &Fit, whitening: &Whitening) -> Option<State> {
     let (effect, _) = search.known?;
-    let setting = &search.setting;
-    let start = effect.starts(setting.scene).into_iter().next()?;
+    let start = effect.starts(search.setting.scene).into_iter().next()?;
     let point = Point { x: [&base.point.x, &start.values[..]].concat(), starts: base.point.starts.clone() };
     let effects = vec![search.library.len()];
-    let mut runner = search.runner(&effects, &point)?;
-    let there = evaluate(setting, &mut runner, whitening, &point)?;
-    Some(State { effects, fit: maximise(setting, &mut runner, whitening, there, FINAL, true) })
+    let fit = search.fitted_from(&effects, &point, whitening, FINAL, true)?;
+    Some(State { effects, fit })
 }
 
 /// A hundredth of what changes from sample to sample in the residual: errors that small are lost in the noise.

@@ -166,8 +166,8 @@ impl<'q> Bench<'q> {
 
     /// The selection with a further effect that is small beside its members on the training data, and is missed on the held-out data.
     fn further(&self, search: &Search<'_>, selected: &Selected, first: &[Response]) -> Option<Selected> {
-        let apart = selected.state.effects.len() == search.fixed(selected) || search.full(selected);
-        if apart || !self.decisive(self.training, self.with_leeway(search, &selected.state)) {
+        let none_to_join = selected.state.effects.len() == search.fixed(selected);
+        if none_to_join || search.full(selected) || !self.decisive(self.training, self.with_leeway(search, &selected.state)) {
             return None;
         }
         search.joined_by_little(selected, first).filter(|more| self.better(search, &more.state, &selected.state))

@@ -25,7 +25,7 @@ const CONTEST: [(usize, usize); 2] = [(3, 6), (5, 5)];
 const UNBENT: usize = 6;
 /// Effects that go on where the search has had its share of simulation.
 const LAST: usize = 1;
-/// Variants of one effect that may go on together, beside its plain form.
+/// Variants of one effect that may go on together. What enters is as many beside its plain form.
 const VARIANTS: usize = 2;
 /// Share of what one parameter costs that an effect's linearised gain has to reach, for a refinement to make evidence of it. Of 97 winners and
 /// equals of winners, over 58 development cases of two engines, none had been promised less than all of it.

@@ -9,7 +9,7 @@ use std::f64::consts::SQRT_2;
 use wheelwright_core::effect::{Frame, Scene};
 
 use crate::diagnose::{DECISIVE, Surroundings};
-use crate::fit::search::{Fit, evaluate, maximise};
+use crate::fit::search::Fit;
 use crate::fit::setting::Setting;
 use crate::question::Question;
 use crate::race::{Field, Refined};
@@ -115,11 +115,8 @@ fn refined(search: &Search<'_>, start: &Surroundings<'_>, responses: &[Response]
 
 /// An effect beside the base model, fitted from where it was in another scene.
 fn from(search: &Search<'_>, start: &Surroundings<'_>, effect: usize, fit: &Fit) -> Option<Refined> {
-    let (setting, effects) = (&search.setting, [effect]);
-    let mut runner = search.runner(&effects, &fit.point)?;
-    let there = evaluate(setting, &mut runner, &start.whitening, &fit.point)?;
-    let fit = maximise(setting, &mut runner, &start.whitening, there, COMPARING, false);
-    let (freedom, score) = search.beyond(&effects, &fit, &start.plain());
+    let fit = search.fitted_from(&[effect], &fit.point, &start.whitening, COMPARING, false)?;
+    let (freedom, score) = search.beyond(&[effect], &fit, &start.plain());
     Some(Refined { effect, fit, freedom, score })
 }
 

@@ -66,11 +66,8 @@ impl Effect for DeadZone {
 
     fn parameters(&self, scene: &Scene) -> Vec<EffectParameter> {
         let of = |p: super::parts::Part| p.parameter("threshold", &p.unit, (0.0, p.largest), 0.03 * p.typical).neutral(0.0);
-        let mut all: Vec<EffectParameter> = self.parts(scene).list(scene).into_iter().map(of).collect();
-        if self.servo {
-            all.extend([force::feedback()].into_iter().chain(force::turning_ratio(scene)));
-        }
-        all
+        let loops = self.servo.then(|| force::loops(scene)).into_iter().flatten();
+        self.parts(scene).list(scene).into_iter().map(of).chain(loops).collect()
     }
 
     fn starts(&self, scene: &Scene) -> Vec<Start> {

@@ -67,6 +67,12 @@ pub(super) fn asked(frame: &Frame, motion: &Motion<'_>, feedback: f64, ratio: f6
 /// Spread of the feedback between robots.
 const FED_BACK: f64 = 0.1;
 
+/// What is to be known of loops for what [each wheel's motor is asked for](asked): their feedback and, where forward and angular velocity have loops of
+/// their own, the ratio of their strengths.
+pub(super) fn loops(scene: &Scene) -> impl Iterator<Item = EffectParameter> + use<> {
+    [feedback()].into_iter().chain(turning_ratio(scene))
+}
+
 /// How much of a wheel's speed its loop takes off what it is told: all of it, or less where it adds to its answer what a motor needs to hold the
 /// commanded speed against its back-EMF. More than all would take what friction withdraws for a part of the loop, and make of a stronger loop what a
 /// centre of mass to one side is.

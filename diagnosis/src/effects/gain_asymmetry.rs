@@ -45,7 +45,7 @@ impl Effect for GainAsymmetry {
     fn parameters(&self, scene: &Scene) -> Vec<EffectParameter> {
         let gain = EffectParameter::new("gain", "1", (-0.5, 0.5), 0.02).neutral(0.0);
         match self.servo {
-            true => [gain, force::feedback()].into_iter().chain(force::turning_ratio(scene)).collect(),
+            true => [gain].into_iter().chain(force::loops(scene)).collect(),
             false => vec![gain],
         }
     }

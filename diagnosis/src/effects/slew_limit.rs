@@ -238,14 +238,12 @@ impl Effect for SlewLimit {
                 let ramp = far / p[i] - time;
                 // Steps are short while it settles: of one time constant each, until nothing is left to see.
                 let seen = time > 0.0 && far > UNSEEN * scales[i];
-                at.time
-                    + if ramp > 0.0 {
-                        ramp
-                    } else if seen {
-                        time
-                    } else {
-                        f64::INFINITY
-                    }
+                let wait = match (ramp > 0.0, seen) {
+                    (true, _) => ramp,
+                    (false, true) => time,
+                    (false, false) => f64::INFINITY,
+                };
+                at.time + wait
             };
             return acted_on.map(next).filter(later).fold(f64::INFINITY, f64::min);
         }

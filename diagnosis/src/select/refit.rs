@@ -35,6 +35,13 @@ impl<'a> Search<'a> {
         Some((whitening, fit))
     }
 
+    /// The fit from a point under a noise that is whitened as it was; its columns are exact if `exact`.
+    pub(crate) fn fitted_from(&self, indices: &[usize], point: &Point, whitening: &Whitening, effort: Effort, exact: bool) -> Option<Fit> {
+        let mut runner = self.runner(indices, point)?;
+        let there = evaluate(&self.setting, &mut runner, whitening, point)?;
+        Some(maximise(&self.setting, &mut runner, whitening, there, effort, exact))
+    }
+
     /// A fit under another noise model.
     pub(crate) fn under(&self, indices: &[usize], fit: &Fit, noise: &Noise, effort: Effort) -> Option<(Whitening, Fit)> {
         let mut runner = self.runner(indices, &fit.point)?;

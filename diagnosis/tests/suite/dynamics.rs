@@ -70,7 +70,7 @@ fn rolling_resistance_brakes_driven_wheels_and_what_they_carry_along() {
     let rig = body();
     // What rolls along at the axle has no lever.
     let error = rig.load_error(&RollingResistance {}, &[rest, 0.0, 0.0, 1.0], |[v, _]| [rest * v / v.hypot(rig.kink), 0.0]);
-    assert!(error < 1e-3, "without the driven wheels' share it leaves turning alone: {error}");
+    assert!(error < 3e-4, "without the driven wheels' share it leaves turning alone: {error}");
     let error = rig.load_error(&RollingResistance {}, &[rest, driven, distance, ratio], |x| {
         let [forward, turn] = off(wheels(x).map(|s| driven * rig.sign(s)), ratio);
         let along = [x[0], distance * x[1]].map(|s| s / x[0].hypot(distance * x[1]).hypot(rig.kink));
