@@ -119,7 +119,6 @@ impl<'f> Field<'f> {
 /// An effect on its way to the end of its fit.
 struct Racing<'s, 'a> {
     effect: usize,
-    name: &'a str,
     runner: Runner<'s, 'a>,
     fit: Fit,
     /// Twice the log-likelihood less what the effect's parameters cost.
@@ -132,7 +131,7 @@ impl<'s, 'a> Racing<'s, 'a> {
     fn new(search: &'s Search<'a>, effect: usize, runner: Runner<'s, 'a>, fit: Fit) -> Self {
         let cost = search.effect(effect).parameters(search.setting.scene).len() as f64 * search.log_values();
         let value = fit.likelihood(&search.setting) - cost;
-        Self { effect, name: search.effect(effect).name(), runner, fit, value, grown: f64::INFINITY }
+        Self { effect, runner, fit, value, grown: f64::INFINITY }
     }
 
     /// The same some steps further.
@@ -158,18 +157,6 @@ pub(crate) fn even(start: &Start) -> bool {
     let mut tried = start.columns.iter().flatten().map(|j| start.values[*j]);
     let first = tried.next();
     tried.all(|value| Some(value) == first)
-}
-
-/// The first places, best first: each effect once, and not too many variants of one name.
-fn thinned<'s, 'a>(racing: Vec<Racing<'s, 'a>>, places: usize) -> Vec<Racing<'s, 'a>> {
-    let mut kept: Vec<Racing<'s, 'a>> = Vec::with_capacity(places);
-    for racer in racing {
-        let variants = kept.iter().filter(|k| k.name == racer.name).count();
-        if kept.len() < places && variants < VARIANTS && kept.iter().all(|k| k.effect != racer.effect) {
-            kept.push(racer);
-        }
-    }
-    kept
 }
 
 /// Those that have a score of their own.
@@ -203,7 +190,7 @@ impl<'a> Search<'a> {
             let best = racing.first().map_or(f64::NEG_INFINITY, |r| r.value);
             let near = self.near(best - before);
             racing.retain(|r| r.reaches(self, best, asked, near));
-            racing = thinned(racing, if self.setting.exhausted() { LAST } else { places });
+            racing = self.thinned(racing, if self.setting.exhausted() { LAST } else { places });
         }
         let least = before + field.least(self.penalty(1.0));
         let mut refined: Vec<Refined> = Vec::new();
@@ -279,22 +266,40 @@ impl<'a> Search<'a> {
         open.chain(screened.iter().filter(closes))
     }
 
-    /// Lets not too many variants of one name pass, the first of them, and its plain form.
+    /// Lets not too many variants of one cause pass, the first of them, and its plain form.
     pub(crate) fn few(&self) -> impl FnMut(&&Vec<Candidate>) -> bool {
-        let mut names: Vec<&str> = Vec::new();
+        let mut passed: Vec<usize> = Vec::new();
         move |c| {
-            let name = self.effect(c[0].effect).name();
-            if self.plain(c[0].effect) {
+            let effect = c[0].effect;
+            if self.plain(effect) {
                 return true;
             }
-            names.push(name);
-            names.iter().filter(|n| **n == name).count() <= VARIANTS
+            passed.push(effect);
+            passed.iter().filter(|other| self.kin(**other, effect)).count() <= VARIANTS
         }
     }
 
-    /// Whether an effect is the plain form of its name: the first in the library, of which all others are variants.
+    /// The first places, best first: each effect once, and not too many variants of one cause.
+    fn thinned<'s>(&self, racing: Vec<Racing<'s, 'a>>, places: usize) -> Vec<Racing<'s, 'a>> {
+        let mut kept: Vec<Racing<'s, 'a>> = Vec::with_capacity(places);
+        for racer in racing {
+            let variants = kept.iter().filter(|k| self.kin(k.effect, racer.effect)).count();
+            if kept.len() < places && variants < VARIANTS && kept.iter().all(|k| k.effect != racer.effect) {
+                kept.push(racer);
+            }
+        }
+        kept
+    }
+
+    /// Whether two effects are variants of one cause: by name, or one mathematics under every drive.
+    fn kin(&self, a: usize, b: usize) -> bool {
+        let [a, b] = [a, b].map(|i| self.effect(i));
+        a.name() == b.name() || always(a, b).is_some()
+    }
+
+    /// Whether an effect is the plain form of its cause: the first in the library, of which all others are variants.
     pub(crate) fn plain(&self, effect: usize) -> bool {
-        (0..effect).all(|other| self.effect(other).name() != self.effect(effect).name())
+        (0..effect).all(|other| !self.kin(other, effect))
     }
 
     /// An effect at the better of its two best starts, and at the one that changes least: from there the way leads uphill, if slowly.

@@ -336,6 +336,14 @@ pub trait Effect: Debug + Send + Sync {
     /// drive of its middle.
     fn advance(&self, _p: &[f64], _at: &Instant<'_>, _motion: &Motion<'_>, _drive: &[f64], _state: &mut [f64]) {}
 
+    /// Drive effects: changes `outputs` to what [loops](Stage::Loop) take for them, by encoders that err.
+    fn perceived(&self, _p: &[f64], _at: &Instant<'_>, _outputs: &mut [f64]) {}
+
+    /// Drive effects: whether loops take something else for the outputs, by [`perceived`](Self::perceived).
+    fn deceives(&self) -> bool {
+        false
+    }
+
     /// Loads and drive effects: whether they change what is recorded as well, by the hook of the sensors. Encoders at the motor
     /// count what happens before the wheel.
     fn senses(&self) -> bool {

@@ -6,7 +6,7 @@
 //! * `reading`: y = (I + E) x, and the robot moves as if nothing was: the readout alone is wrong.
 //! * `ground`: the robot's own motion is recorded, and loops on the wheels keep rates that they take for x − E x. With K what they withdraw for
 //!   a unit of speed and B what the wheels' bearings use up besides, by virtual power u − K x − B becomes (I − E') (u − K x − B) + K E x + E B,
-//!   E' = (e/2) [0, h/ρ; ρ/h, 0].
+//!   E' = (e/2) [0, h/ρ; ρ/h, 0]. Loops that integrate sum up what they take for their error, u − x + E x.
 //! * `encoders`: what the loops keep is recorded. The robot moves as in `ground`, with −e, and y = (I + E) x of its motion. Where nothing but
 //!   inertia acts on it, this couples the axes by θ7 = (e/2) h (θ1 + θ2/ρ) and θ8 = (e/2) (ρ θ1 + θ2)/h, to the letter what a centre of mass
 //!   to one side does (`lateral_com_offset`); a centre of mass ahead adds θ5 (e/2) v²/h. Only a measured pose tells the two apart, so that this
@@ -50,6 +50,22 @@ pub struct WheelRadiusMismatch {
     /// What a measurement beside the model's channels says of the error: bounds of its parameter.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub between: Option<(f64, f64)>,
+}
+
+impl WheelRadiusMismatch {
+    /// e/2 of the wheels that the loops keep; `None` where the readout alone is wrong.
+    fn kept(&self, p: &[f64]) -> Option<f64> {
+        match self.speeds {
+            Speeds::Reading => None,
+            Speeds::Ground => Some(0.5 * p[0]),
+            Speeds::Encoders => Some(-0.5 * p[0]),
+        }
+    }
+}
+
+/// E of a forward and an angular value, with e/2 and half the track.
+fn coupled(half: f64, h: f64, [forward, turn]: [f64; 2]) -> [f64; 2] {
+    [half * h * turn, half / h * forward]
 }
 
 #[typetag::serde(name = "wheel_radius_mismatch")]
@@ -130,12 +146,8 @@ impl Effect for WheelRadiusMismatch {
 
     fn drive(&self, p: &[f64], at: &Instant<'_>, motion: &Motion<'_>, _state: &[f64], drive: &mut [f64]) {
         let (frame, h, ratio) = (&at.scene.frame, at.scene.frame.half_track(), p.get(1).copied().unwrap_or(1.0));
-        let half = match self.speeds {
-            Speeds::Reading => return,
-            Speeds::Ground => 0.5 * p[0],
-            Speeds::Encoders => -0.5 * p[0],
-        };
-        let coupled = |[forward, turn]: [f64; 2]| [half * h * turn, half / h * forward];
+        let Some(half) = self.kept(p) else { return };
+        let coupled = |pair| coupled(half, h, pair);
         // What the wheels pass on, and what their loops and bearings used up before: of that, the loops keep what they take for the robot's motion.
         let passed = [0, 1].map(|i| drive[i] + motion.held[i]);
         let kept = |x: &[f64]| [0, 1].map(|i| motion.drag[2 * i] * x[0] + motion.drag[2 * i + 1] * x[1]);
@@ -147,6 +159,18 @@ impl Effect for WheelRadiusMismatch {
         let seen = coupled(by_bearings);
         let changed = frame.from_body([0, 1].map(|i| seen[i] - taken[i]));
         drive.iter_mut().enumerate().for_each(|(i, drive)| *drive += changed[i] + unseen[i]);
+    }
+
+    fn deceives(&self) -> bool {
+        self.speeds != Speeds::Reading
+    }
+
+    /// x − E x.
+    fn perceived(&self, p: &[f64], at: &Instant<'_>, outputs: &mut [f64]) {
+        let Some(half) = self.kept(p) else { return };
+        let frame = &at.scene.frame;
+        let unseen = frame.from_body(coupled(half, frame.half_track(), frame.body(outputs)));
+        outputs.iter_mut().zip(unseen).for_each(|(x, d)| *x -= d);
     }
 
     fn senses(&self) -> bool {

@@ -2,7 +2,7 @@
 
 use std::borrow::Cow;
 
-use wheelwright_core::effect::{Effect, Stage};
+use wheelwright_core::effect::{Effect, Stage, Start};
 
 use super::{RESIMULATED, Search, Selected, State};
 use crate::fit::whitening::Whitening;
@@ -47,8 +47,8 @@ impl<'a> Search<'a> {
         let effects = self.effects(&state.effects);
         let screened = self.screen(state, whitening, first);
         let current = Current::new(&self.setting, &effects, &state.fit);
-        let of = |candidates: &Vec<Candidate>| {
-            let starts = candidates.iter().take(RESIMULATED.1).map(|c| first[c.response].start.clone()).collect();
+        let of = |candidates: &Vec<Candidate>, places: usize| {
+            let starts = apart(candidates.iter().map(|c| &first[c.response].start), places);
             responses_at(&current, candidates[0].effect, self.effect(candidates[0].effect), starts)
         };
         // What a loop promised beside the base model says nothing of what it does beside another: it is always among them. So is a threshold,
@@ -68,7 +68,11 @@ impl<'a> Search<'a> {
         let alone: Vec<_> = alone.filter(open).filter(self.few()).take(RESIMULATED.0 / 2).collect();
         let others = |c: &&Vec<Candidate>| open(c) && alone.iter().all(|a| a[0].effect != c[0].effect);
         let beside = screened.iter().filter(others).filter(self.few()).take(RESIMULATED.0 - alone.len());
-        alone.iter().copied().chain(beside).flat_map(of).chain(anew).collect()
+        let looked_at: Vec<_> = alone.iter().copied().chain(beside).collect();
+        // Of every other cause at least the plain form gets a look: what hides in what was found may have promised nothing before.
+        let left = |c: &&Vec<Candidate>| open(c) && self.plain(c[0].effect) && looked_at.iter().all(|l| l[0].effect != c[0].effect);
+        let once = screened.iter().filter(left).flat_map(|c| of(c, 1));
+        looked_at.iter().flat_map(|c| of(c, RESIMULATED.1)).chain(once).chain(anew).collect()
     }
 
     /// Every effect of no family that the model has already, at all its starts; best effect and best start first.
@@ -97,5 +101,37 @@ impl<'a> Search<'a> {
 
     fn value(&self, candidate: &Candidate) -> f64 {
         candidate.gain - candidate.freedom as f64 * self.log_values()
+    }
+}
+
+/// So many starts, best first, of which no two have a value in common that the others vary: what was best about another model says little of which
+/// size is best about this one, and neighbours say the same. The next best ones fill what is left of the places.
+fn apart<'s>(starts: impl Iterator<Item = &'s Start> + Clone, places: usize) -> Vec<Start> {
+    let varied = |j: &usize| {
+        let mut values = starts.clone().map(|start| start.values[*j]);
+        let first = values.next();
+        values.any(|v| Some(v) != first)
+    };
+    let varied: Vec<usize> = (0..starts.clone().next().map_or(0, |start| start.values.len())).filter(varied).collect();
+    let (mut chosen, mut others): (Vec<&Start>, Vec<&Start>) = (Vec::new(), Vec::new());
+    for start in starts {
+        let near = chosen.iter().any(|c| varied.iter().any(|j| c.values[*j] == start.values[*j]));
+        if near { others.push(start) } else { chosen.push(start) }
+    }
+    chosen.into_iter().chain(others).take(places).cloned().collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn starts_that_get_a_second_look_differ_in_all_that_is_varied() {
+        let start = |a: f64, b: f64| Start { values: vec![a, 7.0, b], columns: vec![vec![0]], linear: false };
+        let ranked = [start(1.0, 0.1), start(1.0, 0.2), start(2.0, 0.1), start(2.0, 0.2), start(3.0, 0.3)];
+        let chosen = |places| apart(ranked.iter(), places).into_iter().map(|s| (s.values[0], s.values[2])).collect::<Vec<_>>();
+        assert_eq!(chosen(3), [(1.0, 0.1), (2.0, 0.2), (3.0, 0.3)]);
+        assert_eq!(chosen(4)[3], (1.0, 0.2), "the best of the others fills what is left");
+        assert_eq!(apart([start(1.0, 0.1)].iter(), 3).len(), 1);
     }
 }

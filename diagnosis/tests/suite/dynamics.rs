@@ -5,8 +5,8 @@ use wheelwright_core::effect::{Effect, Instant, Track};
 use wheelwright_core::simulation::Readout;
 use wheelwright_diagnosis::effects::{
     ActuatorLag, Backlash, BatterySag, Between, CastorDrag, CastorKind, CoulombFriction, CoulombFrictionOneWheel, DeadZone,
-    DirectionAsymmetry, GainAsymmetry, LateralComOffset, PayloadChange, QuadraticDrag, RollingResistance, SagLaw, ScrubLaw, SlipLaw, Slope,
-    Speeds, StribeckFriction, TurningScrub, ViscousAsymmetry, Wheel, WheelRadiusMismatch, WheelSlip,
+    DirectionAsymmetry, GainAsymmetry, IntegralAction, LateralComOffset, PayloadChange, QuadraticDrag, RollingResistance, SagLaw, ScrubLaw,
+    SlipLaw, Slope, Speeds, StribeckFriction, TurningScrub, ViscousAsymmetry, Wheel, WheelRadiusMismatch, WheelSlip,
 };
 
 /// Ground speeds of left and right wheel in the body frame.
@@ -650,4 +650,24 @@ fn play_interrupts_the_drive() {
         let off = (off / (2 * truth.len()) as f64).sqrt();
         assert!(off < 0.02 * gap, "gap {gap}: {off}");
     }
+}
+
+/// Wheels' loops that integrate sum up the error that their encoders tell, by virtual power as above: unequal radii couple it.
+#[test]
+fn loops_integrate_what_unequal_wheels_tell_them() {
+    let rig = body();
+    let (e, h, gains, kept) = (0.08, HALF_TRACK, [0.8, 1.5], [1.02, 1.05]);
+    let ground = WheelRadiusMismatch { speeds: Speeds::Ground, ..WheelRadiusMismatch::default() };
+    let effects: [&dyn Effect; 2] = [&ground, &IntegralAction {}];
+    let values = [e, 1.0, gains[0], gains[1], 1e3, 1e3];
+    let error = rig.joint_error(&effects, &values, [0.3, 0.2, 0.0, 0.0], &[], |_, u, [v, w, i, j]| {
+        let told = [v - 0.5 * e * h * w, w - 0.5 * e / h * v];
+        let asked = [u[0] + i, u[1] + j];
+        let still = held([v, w]);
+        let push = [asked[0] - kept[0] * v, asked[1] - kept[1] * w];
+        let forward = push[0] + kept[0] * (v - told[0]) - 0.5 * e * h * push[1] - still[0];
+        let turn = push[1] + kept[1] * (w - told[1]) - 0.5 * e / h * push[0] - still[1];
+        [forward / 0.26, turn / 0.19, gains[0] * (u[0] - told[0]), gains[1] * (u[1] - told[1])]
+    });
+    assert!(error < 1e-3, "{error}");
 }

@@ -29,6 +29,8 @@ pub(super) struct Slots<'a> {
     pub(super) held: bool,
     /// Whether the command that goes on hangs on the outputs.
     pub(super) looped: bool,
+    /// Whether those loops take something else for the outputs.
+    deceived: bool,
     /// Whether anything changes what is recorded.
     pub(super) sensed: bool,
     /// Whether a load or a drive effect has numbers that change along the way.
@@ -70,8 +72,9 @@ impl<'a> Slots<'a> {
         let held = slots[commands.clone()].iter().all(|s| s.effect.holds());
         let looped = slots.iter().any(|s| s.stage == Stage::Loop);
         let advancing = slots[bearings.start..drives.end].iter().any(|s| !s.states.is_empty());
+        let deceived = looped && slots.iter().any(|s| s.effect.deceives());
         let sensed = slots.iter().any(|s| s.senses);
-        Self { slots, commands, bearings, loads, drives, held, looped, sensed, advancing, states }
+        Self { slots, commands, bearings, loads, drives, held, looped, deceived, sensed, advancing, states }
     }
 
     /// Replaces all values, given in the caller's order.
@@ -102,7 +105,7 @@ impl<'a> Slots<'a> {
             let state = &mut state[slot.states.clone()];
             slot.effect.begin(&slot.values, at, u, initial, state);
             if slot.stage.place() == Place::Command {
-                slot.effect.command(&slot.values, &before, initial, state, u);
+                self.pass_on(slot, &before, initial, state, u);
             }
         }
         self.command(at, initial, state, u);
@@ -120,7 +123,21 @@ impl<'a> Slots<'a> {
     pub(super) fn command(&self, at: &Instant<'_>, outputs: &[f64], state: &mut [f64], u: &mut [f64]) {
         arrive(at, u);
         for slot in &self.slots[self.commands.clone()] {
-            slot.effect.command(&slot.values, at, outputs, &mut state[slot.states.clone()], u);
+            self.pass_on(slot, at, outputs, &mut state[slot.states.clone()], u);
+        }
+    }
+
+    /// The command passed through one of them.
+    #[inline(always)]
+    fn pass_on(&self, slot: &Slot<'_>, at: &Instant<'_>, outputs: &[f64], state: &mut [f64], u: &mut [f64]) {
+        match outputs {
+            // Wheels, and so encoders that err, are those of a robot with two outputs.
+            &[first, second] if self.deceived && slot.stage == Stage::Loop => {
+                let mut seen = [first, second];
+                self.slots.iter().for_each(|s| s.effect.perceived(&s.values, at, &mut seen));
+                slot.effect.command(&slot.values, at, &seen, state, u);
+            }
+            _ => slot.effect.command(&slot.values, at, outputs, state, u),
         }
     }
 
