@@ -15,7 +15,7 @@ use crate::fit::layout::Layout;
 use crate::fit::search::{Effort, Fit};
 use crate::fit::setting::{Point, Runner, Setting};
 use crate::fit::whitening::Whitening;
-use crate::judge::judged;
+use crate::judge::{judged, widened};
 use crate::noise::Noise;
 use crate::question::{DiagnosisError, Question};
 use crate::radius::{self, Wheels};
@@ -88,8 +88,12 @@ pub fn diagnose(question: &Question<'_>) -> Result<Diagnosis, DiagnosisError> {
     let mut story = other_readout(story, question, &data, about, radii.as_ref(), [&courses[5], &courses[6]])?;
     story.selected = story.search.unjittered(story.selected, &story.responses);
     story.selected = judged(question, &story.search, story.selected, &story.responses);
-    let (selected, rests) = story.search.settled(story.selected);
+    let (selected, mut rests) = story.search.settled(story.selected);
     story.selected = selected;
+    if let Some(wider) = widened(question, &story.search, &story.selected) {
+        rests = story.search.rests(&wider);
+        story.selected = wider;
+    }
     story.search.twinned(&mut story.selected, &rests);
     if story.search.setting.exhausted() {
         warnings.push(STOPPED.to_owned());

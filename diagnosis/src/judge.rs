@@ -8,6 +8,8 @@
 //! What the training data show to be too little beside what was explained to be more than the imperfect form of that, joins if the held-out data want
 //! it as decisively: another kind of driving shows how a law is imperfect elsewhere.
 //!
+//! So does the wider law of two, friction by direction and plain friction, that the training data hardly tell apart.
+//!
 //! An effect beside others goes if they do decisively better on the held-out data without it, or if these know nothing of what it changes
 //! there, whatever its evidence on the training data: it stood in for the imperfect form of the others there.
 
@@ -45,6 +47,16 @@ pub(crate) fn judged(question: &Question<'_>, search: &Search<'_>, mut selected:
         selected = exchanged(&bench, search, more);
     }
     selected
+}
+
+/// The selection with a law in a member's place that contains it, where the held-out data decisively ask for one: what it explains beyond the
+/// narrow one on the training data was too little to be more than the imperfect form of that.
+pub(crate) fn widened(question: &Question<'_>, search: &Search<'_>, selected: &Selected) -> Option<Selected> {
+    let bench = Bench::new(question, search, selected).filter(|bench| bench.missed(search, selected))?;
+    let wider = (search.fixed(selected)..selected.state.effects.len()).flat_map(|member| search.wider(selected, member));
+    let better = wider.filter(|wide| bench.better(search, &wide.state, &selected.state));
+    let losses = better.map(|wide| (bench.with_leeway(search, &wide.state), wide));
+    losses.min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, wide)| exchanged(&bench, search, wide))
 }
 
 /// Each member exchanged for the rival that the held-out data prefer decisively.
@@ -167,10 +179,15 @@ impl<'q> Bench<'q> {
     /// The selection with a further effect that is small beside its members on the training data, and is missed on the held-out data.
     fn further(&self, search: &Search<'_>, selected: &Selected, first: &[Response]) -> Option<Selected> {
         let none_to_join = selected.state.effects.len() == search.fixed(selected);
-        if none_to_join || search.full(selected) || !self.decisive(self.training, self.with_leeway(search, &selected.state)) {
+        if none_to_join || search.full(selected) || !self.missed(search, selected) {
             return None;
         }
         search.joined_by_little(selected, first).filter(|more| self.better(search, &more.state, &selected.state))
+    }
+
+    /// Whether the held-out error is decisively above that of the training data: something is imperfect there.
+    fn missed(&self, search: &Search<'_>, selected: &Selected) -> bool {
+        self.decisive(self.training, self.with_leeway(search, &selected.state))
     }
 
     /// The selection without the member of which the held-out data know nothing and miss least, if there is such.

@@ -49,7 +49,7 @@ impl<'a> Search<'a> {
     }
 
     /// The model without each of its members.
-    pub(super) fn rests(&self, selected: &Selected) -> Vec<Option<State>> {
+    pub(crate) fn rests(&self, selected: &Selected) -> Vec<Option<State>> {
         (0..selected.state.effects.len()).map(|member| self.without(selected, member)).collect()
     }
 

@@ -2,15 +2,19 @@
 
 use wheelwright_core::effect::{Effect, EffectParameter};
 
-use super::{EXCHANGE, Rival, SHARE, Search, Selected, State};
+use super::{EXCHANGE, SHARE, Search, Selected, State};
 use crate::answer::always;
 use crate::race::Refined;
 
-/// A member's rivals, and those of the others.
-fn others(selected: &mut Selected, member: usize) -> (Vec<Rival>, Vec<Vec<Rival>>) {
-    let mut rivals = std::mem::take(&mut selected.rivals);
-    rivals.resize(selected.state.effects.len(), Vec::new());
-    (rivals.remove(member), rivals)
+/// A selection with the rivals of one in which another effect had a place: the one that came in stands last, beside the other's rivals but
+/// itself.
+fn succeeding(before: &Selected, member: usize, by: Selected) -> Selected {
+    let mut rivals = before.rivals.clone();
+    rivals.resize(before.state.effects.len(), Vec::new());
+    let mut own = rivals.remove(member);
+    own.retain(|r| Some(&r.effect) != by.state.effects.last());
+    rivals.push(own);
+    Selected { rivals, ..by }
 }
 
 impl<'a> Search<'a> {
@@ -23,7 +27,9 @@ impl<'a> Search<'a> {
             let rest = rests[member].as_ref().filter(|rest| self.worth(&selected, rest) <= 0.0);
             match rest.and_then(|rest| self.only(&selected, rest)) {
                 Some(fewer) => {
-                    let (_, rivals) = others(&mut selected, member);
+                    let mut rivals = std::mem::take(&mut selected.rivals);
+                    rivals.resize(selected.state.effects.len(), Vec::new());
+                    rivals.remove(member);
                     selected = Selected { rivals, ..fewer };
                     rests = self.rests(&selected);
                 }
@@ -38,11 +44,7 @@ impl<'a> Search<'a> {
     fn named(&self, mut selected: Selected) -> Selected {
         for member in (self.fixed(&selected)..selected.state.effects.len()).rev() {
             let Some(narrow) = self.narrowed(&selected, member) else { continue };
-            let (mut own, mut rivals) = others(&mut selected, member);
-            own.retain(|r| Some(&r.effect) != narrow.state.effects.last());
-            // The one that came in stands last.
-            rivals.push(own);
-            selected = Selected { rivals, ..narrow };
+            selected = succeeding(&selected, member, narrow);
         }
         selected
     }
@@ -71,6 +73,24 @@ impl<'a> Search<'a> {
         let narrow = self.only(selected, &state)?;
         let gain = self.gain(&narrow.state.fit, &rest);
         (self.gain(&selected.state.fit, &rest) - gain <= EXCHANGE.max(SHARE * gain)).then_some(narrow)
+    }
+
+    /// What the selection is with each law in a member's place that contains it.
+    pub(crate) fn wider(&self, selected: &Selected, member: usize) -> Vec<Selected> {
+        let name = self.effect(selected.state.effects[member]).name();
+        let contains = |i: &&usize| self.effect(**i).contains().contains(&name) && self.effect(**i).name() != name;
+        let wide: Vec<usize> = self.open.iter().filter(contains).copied().collect();
+        let Some(rest) = Some(()).filter(|()| !wide.is_empty()).and_then(|()| self.without(selected, member)) else { return Vec::new() };
+        let (z, worth) = (self.unbent(&selected.state, member), self.worth(selected, &rest));
+        let placed = |i: usize| {
+            let Refined { fit, .. } = self.placed(i, self.starts(i), &z, selected, &rest)?;
+            let by = self.only(selected, &State { effects: rest.and(i), fit })?;
+            let more = self.worth(&by, &rest) - worth;
+            let mut wider = succeeding(selected, member, by);
+            wider.rivals.iter_mut().skip(rest.effects.len()).flatten().for_each(|r| r.gap += more);
+            Some(wider)
+        };
+        wide.into_iter().filter(|i| self.joins(*i, &rest.effects)).filter_map(placed).collect()
     }
 
     /// Values from which an effect may start.
