@@ -277,10 +277,14 @@ impl<'a> Search<'a> {
         without - with >= SHARE * (base - without)
     }
 
-    /// Sum of squares of what a fit leaves, outputs in units of their innovations.
+    /// Sum of squares of what a fit leaves, outputs in units of their innovations, rows by what their noise lets them count.
     fn misfit(&self, fit: &Fit, noise: &Noise) -> f64 {
         let layout = &self.setting.layout;
-        let of = |c: usize, s: usize| layout.settled(c, s).map(|k| (self.setting.measured[k] - fit.simulated[k]).powi(2)).sum::<f64>();
+        let of = |c: usize, s: usize| {
+            let first = layout.part(c, s).start;
+            let left = |k: usize| noise.weights[s][c][k - first] * (self.setting.measured[k] - fit.simulated[k]);
+            layout.settled(c, s).map(|k| left(k).powi(2)).sum::<f64>()
+        };
         let output = |c: usize| (0..layout.stretches()).map(|s| of(c, s)).sum::<f64>() / noise.innovation[c].powi(2);
         (0..layout.outputs()).map(output).sum()
     }

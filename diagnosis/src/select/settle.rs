@@ -168,6 +168,16 @@ mod tests {
     }
 
     #[test]
+    fn rows_whose_noise_is_louder_count_for_less_of_a_misfit() {
+        with_selected(&Case::clean(9), &[], 0, |search, selected| {
+            let (fit, mut noise) = (&selected.state.fit, selected.whitening.noise.clone());
+            let all = search.misfit(fit, &noise);
+            noise.weights.iter_mut().flatten().flatten().for_each(|weight| *weight *= 0.5);
+            assert!((search.misfit(fit, &noise) / all - 0.25).abs() < 1e-12);
+        });
+    }
+
+    #[test]
     fn a_member_part_of_which_does_nothing_gets_the_name_of_what_it_is() {
         let case = Case::new(8, |_, i, y, _, random| y - [0.02, 0.0][i] * (y / 0.005).tanh() + NOISE[i] * normal(random));
         let library: Vec<Box<dyn Effect>> = vec![Box::new(StribeckFriction::default()), Box::new(CoulombFriction::default())];
