@@ -2,16 +2,21 @@
 
 use wheelwright_core::effect::{Effect, EffectParameter};
 
-use super::{EXCHANGE, SHARE, Search, Selected, State};
+use super::{EXCHANGE, Rival, SHARE, Search, Selected, State};
 use crate::answer::always;
 use crate::race::Refined;
+
+/// A member's rivals, and those of the others.
+fn others(selected: &Selected, member: usize) -> (Vec<Rival>, Vec<Vec<Rival>>) {
+    let mut rivals = selected.rivals.clone();
+    rivals.resize(selected.state.effects.len(), Vec::new());
+    (rivals.remove(member), rivals)
+}
 
 /// A selection with the rivals of one in which another effect had a place: the one that came in stands last, beside the other's rivals but
 /// itself.
 fn succeeding(before: &Selected, member: usize, by: Selected) -> Selected {
-    let mut rivals = before.rivals.clone();
-    rivals.resize(before.state.effects.len(), Vec::new());
-    let mut own = rivals.remove(member);
+    let (mut own, mut rivals) = others(before, member);
     own.retain(|r| Some(&r.effect) != by.state.effects.last());
     rivals.push(own);
     Selected { rivals, ..by }
@@ -27,9 +32,7 @@ impl<'a> Search<'a> {
             let rest = rests[member].as_ref().filter(|rest| self.worth(&selected, rest) <= 0.0);
             match rest.and_then(|rest| self.only(&selected, rest)) {
                 Some(fewer) => {
-                    let mut rivals = std::mem::take(&mut selected.rivals);
-                    rivals.resize(selected.state.effects.len(), Vec::new());
-                    rivals.remove(member);
+                    let (_, rivals) = others(&selected, member);
                     selected = Selected { rivals, ..fewer };
                     rests = self.rests(&selected);
                 }
@@ -80,7 +83,10 @@ impl<'a> Search<'a> {
         let name = self.effect(selected.state.effects[member]).name();
         let contains = |i: &&usize| self.effect(**i).contains().contains(&name) && self.effect(**i).name() != name;
         let wide: Vec<usize> = self.open.iter().filter(contains).copied().collect();
-        let Some(rest) = Some(()).filter(|()| !wide.is_empty()).and_then(|()| self.without(selected, member)) else { return Vec::new() };
+        if wide.is_empty() {
+            return Vec::new();
+        }
+        let Some(rest) = self.without(selected, member) else { return Vec::new() };
         let (z, worth) = (self.unbent(&selected.state, member), self.worth(selected, &rest));
         let placed = |i: usize| {
             let Refined { fit, .. } = self.placed(i, self.starts(i), &z, selected, &rest)?;
