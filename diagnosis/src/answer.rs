@@ -15,7 +15,7 @@ use crate::fit::algebra::Directions;
 use crate::fit::search::Fit;
 use crate::fit::setting::Runner;
 use crate::fit::setting::Setting;
-use crate::holdout::{BorneOut, Explanation, Ground, Proof, Transfer, foreign, loss, shifted, transfer};
+use crate::holdout::{BorneOut, Explanation, Ground, Proof, Runs, Transfer, foreign, loss, shifted, transfer};
 use crate::leeway::moved;
 use crate::noise::Noise;
 use crate::question::{DiagnosisError, Question};
@@ -292,7 +292,8 @@ impl Proven {
         // What was reached is possible.
         let ceiling = (0..noise.len()).map(|c| ground.ceiling(c, noise[c]).max(after.fit[c])).collect();
         let left = [&before, &after].map(|proof| loss(&shifted, &proof.simulated, noise, jitter));
-        let training = loss(question.training, &trained.simulated, noise, jitter);
+        let runs = Runs { training: (question.training, &trained.simulated), held_out: (&shifted, &after.simulated), noise, jitter };
+        let training = runs.floor();
         let withouts: Vec<Option<(&State, Proof)>> = rests.iter().map(|r| r.as_ref().map(|r| (r, on(&shifted, &scene, r)))).collect();
         let refuted = |(rest, without): &(&State, Proof)| {
             let gain = search.gain(&selected.state.fit, rest);

@@ -320,9 +320,8 @@ fn come_round<'a>(story: Story<'a>, closer: &'a OnceCell<Scene>) -> Story<'a> {
     let members = &selected.state.effects;
     let turning = search.turning();
     let round = members.iter().any(|i| turning.contains(i));
-    // What goes round alone leaves the base model where it was.
-    let alone = members[search.fixed(selected)..].iter().all(|i| turning.contains(i));
-    if turning.is_empty() || alone || (!round && search.full(selected)) || search.setting.exhausted() {
+    let nothing = members.len() == search.fixed(selected);
+    if turning.is_empty() || nothing || (!round && search.full(selected)) || search.setting.exhausted() {
         return story;
     }
     let scene = closer.get_or_init(|| search.setting.scene.followed(data, &layout.series(&selected.state.fit.simulated)));

@@ -140,21 +140,52 @@ pub(crate) const HUBER: f64 = 2.0;
 /// Mean loss of a free run's errors over all outputs, in units of what a right model's scatter by: the noise, which stamps that jitter make
 /// louder where an output changes, and other driving changes more.
 pub(crate) fn loss(data: &Dataset, simulated: &Series, noise: &[f64], jitter: Option<Jitter>) -> f64 {
-    let of = |x: f64| if x <= HUBER { x * x } else { HUBER * (2.0 * x - HUBER) };
-    let mut sum = 0.0;
-    for (stretch, run) in data.stretches.iter().zip(simulated) {
-        for ((measured, run), noise) in stretch.outputs.iter().zip(run).zip(noise) {
-            let errors = measured.iter().zip(run).map(|(y, s)| (y - s).abs() / noise);
-            sum += match jitter {
-                Some(jitter) => errors.zip(slope(&stretch.time, run)).map(|(x, d)| of(x / jitter.scatter(d, *noise))).sum::<f64>(),
-                None => errors.map(of).sum(),
-            };
-        }
-    }
-    sum / (data.samples() * noise.len()).max(1) as f64
+    mean_loss(data, simulated, noise, jitter, |scaled| scaled)
 }
 
-/// Weighs losses on held-out data before and after against what the explanation leaves on the training data.
+/// The same of what errors change by from sample to sample, as of independent ones.
+fn quick(data: &Dataset, simulated: &Series, noise: &[f64], jitter: Option<Jitter>) -> f64 {
+    let changes = |scaled: Vec<f64>| scaled.windows(2).map(|w| (w[1] - w[0]) * std::f64::consts::FRAC_1_SQRT_2).collect();
+    mean_loss(data, simulated, noise, jitter, changes)
+}
+
+fn mean_loss(data: &Dataset, simulated: &Series, noise: &[f64], jitter: Option<Jitter>, of: impl Fn(Vec<f64>) -> Vec<f64>) -> f64 {
+    let huber = |x: f64| if x <= HUBER { x * x } else { HUBER * (2.0 * x - HUBER) };
+    let (mut sum, mut count) = (0.0, 0.0_f64);
+    for (stretch, run) in data.stretches.iter().zip(simulated) {
+        for ((measured, run), noise) in stretch.outputs.iter().zip(run).zip(noise) {
+            let errors = measured.iter().zip(run).map(|(y, s)| (y - s) / noise);
+            let scaled: Vec<f64> = match jitter {
+                Some(jitter) => errors.zip(slope(&stretch.time, run)).map(|(x, d)| x / jitter.scatter(d, *noise)).collect(),
+                None => errors.collect(),
+            };
+            let all = of(scaled);
+            count += all.len() as f64;
+            sum += all.iter().map(|x| huber(x.abs())).sum::<f64>();
+        }
+    }
+    sum / count.max(1.0)
+}
+
+/// An explanation's free runs over the data it was fitted to and over others, with what it takes for noise.
+pub(crate) struct Runs<'a> {
+    pub(crate) training: (&'a Dataset, &'a Series),
+    pub(crate) held_out: (&'a Dataset, &'a Series),
+    pub(crate) noise: &'a [f64],
+    pub(crate) jitter: Option<Jitter>,
+}
+
+impl Runs<'_> {
+    /// The loss that noise alone leaves on the other data: as on the training data, or by as much more as errors change more from sample to sample
+    /// there. Motion that is missed goes on for longer; noise with heavy tails, and jitter at steps, are not as loud on every recording.
+    pub(crate) fn floor(&self) -> f64 {
+        let of = |(data, run): (&Dataset, &Series)| quick(data, run, self.noise, self.jitter);
+        let louder = of(self.held_out) / of(self.training);
+        loss(self.training.0, self.training.1, self.noise, self.jitter) * if louder.is_finite() { louder.max(1.0) } else { 1.0 }
+    }
+}
+
+/// Weighs losses on held-out data before and after against what noise alone leaves there.
 pub(crate) fn transfer(before: f64, after: f64, training: f64) -> Transfer {
     if foreign(after, training) {
         return Transfer::Fails;
@@ -260,6 +291,22 @@ mod tests {
         assert!(!asked(0.8, 1.0, known).refuted(), "the form of a law is never exact");
         assert!(!asked(0.0, 0.05, known).refuted(), "the data could not show it");
         assert!(!asked(0.0, 1.0, 20.0).refuted(), "its size is hardly known");
+    }
+
+    #[test]
+    fn noise_that_is_louder_on_other_data_is_no_motion_that_is_missed() {
+        let trained = Case::clean(11);
+        let floor = |held: &Case| {
+            let runs = Runs { training: (&trained.data, &trained.truth), held_out: (&held.data, &held.truth), noise: &NOISE, jitter: None };
+            runs.floor() / loss(&trained.data, &trained.truth, &NOISE, None)
+        };
+        let louder = Case::new(12, |_, i, y, _, random| y + 1.5 * NOISE[i] * normal(random));
+        let expected = loss(&louder.data, &louder.truth, &NOISE, None) / loss(&trained.data, &trained.truth, &NOISE, None);
+        assert!((floor(&louder) / expected - 1.0).abs() < 0.1, "{} for {expected}", floor(&louder));
+        let missed = Case::new(13, |t, i, y, _, random| y + NOISE[i] * (normal(random) + 2.0 * (2.0 * t).sin()));
+        assert!(floor(&missed) < 1.2 && loss(&missed.data, &missed.truth, &NOISE, None) > 2.0, "{}", floor(&missed));
+        let quieter = Case::new(14, |_, i, y, _, random| y + 0.5 * NOISE[i] * normal(random));
+        assert!(floor(&quieter) <= 1.0 + 1e-12, "{}", floor(&quieter));
     }
 
     #[test]

@@ -18,7 +18,7 @@ use wheelwright_core::effect::Scene;
 
 use crate::adequacy::Jitter;
 use crate::answer::{MENTIONED, always, clocks, proven, reach};
-use crate::holdout::{BorneOut, loss, shifted};
+use crate::holdout::{BorneOut, Runs, loss, shifted};
 use crate::leeway::{Moved, moved};
 use crate::noise::Noise;
 use crate::question::Question;
@@ -125,8 +125,8 @@ struct Bench<'q> {
     held: &'q Dataset,
     noise: Noise,
     jitter: Option<Jitter>,
-    /// Loss of the selection on the training data.
-    training: f64,
+    /// Loss that noise alone leaves on the held-out data.
+    floor: f64,
     /// Independent values of the held-out data: those that the noise's own past does not foretell.
     values: f64,
 }
@@ -137,8 +137,14 @@ impl<'q> Bench<'q> {
         let noise = &selected.whitening.noise;
         let share = noise.innovation.iter().zip(&noise.deviation).map(|(i, d)| (i / d).powi(2)).sum::<f64>();
         let jitter = search.jitter(selected);
-        let training = loss(search.setting.data, &search.setting.layout.series(&selected.state.fit.simulated), &noise.deviation, jitter);
-        Some(Self { question, held, noise: noise.clone(), jitter, training, values: share * held.samples() as f64 })
+        let trained = search.setting.layout.series(&selected.state.fit.simulated);
+        let mut bench = Self { question, held, noise: noise.clone(), jitter, floor: 0.0, values: share * held.samples() as f64 };
+        let floor = |data: &Dataset, scene: &Scene| {
+            let run = proven(search, &selected.state, data, scene).simulated;
+            Runs { training: (search.setting.data, &trained), held_out: (data, &run), noise: &noise.deviation, jitter }.floor()
+        };
+        bench.floor = bench.likeliest(search, floor);
+        Some(bench)
     }
 
     /// Mean loss on the held-out data, on the likeliest clock.
@@ -187,7 +193,7 @@ impl<'q> Bench<'q> {
 
     /// Whether the held-out error is decisively above that of the training data: something is imperfect there.
     fn missed(&self, search: &Search<'_>, selected: &Selected) -> bool {
-        self.decisive(self.training, self.with_leeway(search, &selected.state))
+        self.decisive(self.floor, self.with_leeway(search, &selected.state))
     }
 
     /// The selection without the member of which the held-out data know nothing and miss least, if there is such.
@@ -230,7 +236,7 @@ impl<'q> Bench<'q> {
 
     /// Whether a loss is so much less than another that it is no chance.
     fn decisive(&self, less: f64, more: f64) -> bool {
-        let excess = |loss: f64| (loss - self.training).max(0.0);
+        let excess = |loss: f64| (loss - self.floor).max(0.0);
         self.values * (more / less).ln() > MENTIONED && excess(less) <= CLOSED * excess(more)
     }
 }

@@ -3,27 +3,37 @@
 //! The integral of a noisy speed walks away from the distance, and that of a simulated speed leaves it where the model is wrong. What the
 //! record differs by from the model is taken for a misfit that wanders and a noise that does not: a local level (Durbin and Koopman, Time
 //! Series Analysis by State Space Methods, section 2.1). The smoothed level is the misfit, and counts as motion; the noise does not. Means
-//! over pieces of the record are taken first: what returns with every turn of a wheel is neither, and takes it nowhere.
+//! over pieces of the record are taken first: what returns with every turn of a wheel is neither, and takes it nowhere. How much of them is
+//! noise the quick changes of the record say: a misfit that jumps from piece to piece is no less motion for that.
 
 /// Variances of the wander from mean to mean that are tried, as shares of that of their noise: from a level that stays to one that is the
 /// record itself.
-const WANDERS: [f64; 6] = [0.0, 1e-2, 1e-1, 1.0, 10.0, 100.0];
+const WANDERS: [f64; 8] = [0.0, 1e-2, 1e-1, 1.0, 10.0, 100.0, 1e3, 1e4];
 
 /// Pieces of which means are taken.
 const PIECES: usize = 32;
 
-/// The likeliest level of a series: that of means over pieces, and evenly from the middle of one to that of the next.
+/// The likeliest level of a series: that of means over pieces, and evenly from the middle of one to that of the next, so that each piece has its
+/// mean.
 pub(super) fn level(series: &[f64]) -> Vec<f64> {
     let piece = series.len().div_ceil(PIECES).max(1);
-    let means: Vec<f64> = series.chunks(piece).map(|c| c.iter().sum::<f64>() / c.len() as f64).collect();
-    let fits = WANDERS.iter().map(|wander| Filtered::of(&means, *wander));
+    let mean = |c: &[f64]| c.iter().sum::<f64>() / c.len() as f64;
+    let means: Vec<f64> = series.chunks(piece).map(mean).collect();
+    let changes: Vec<f64> = series.windows(2).map(|w| 0.5 * (w[1] - w[0]).powi(2)).collect();
+    let noise = changes.iter().sum::<f64>() / (changes.len() * piece).max(1) as f64;
+    let fits = WANDERS.iter().map(|wander| Filtered::of(&means, *wander, noise));
     let levels = fits.reduce(|a, b| if b.likelihood > a.likelihood { b } else { a }).map_or(Vec::new(), |f| f.smoothed());
     let at = |k: usize| {
         let place = ((k as f64 + 0.5) / piece as f64 - 0.5).clamp(0.0, levels.len() as f64 - 1.0);
         let (before, share) = (place as usize, place.fract());
         levels[before] + share * (levels[(before + 1).min(levels.len() - 1)] - levels[before])
     };
-    (0..series.len()).map(at).collect()
+    let mut whole: Vec<f64> = (0..series.len()).map(at).collect();
+    for (piece, level) in whole.chunks_mut(piece).zip(&levels) {
+        let off = level - mean(piece);
+        piece.iter_mut().for_each(|x| *x += off);
+    }
+    whole
 }
 
 /// A pass of the Kalman filter, with variances as shares of the noise's.
@@ -31,13 +41,13 @@ struct Filtered {
     wander: f64,
     /// The level at each sample as the samples up to it tell it, and its variance.
     level: Vec<(f64, f64)>,
-    /// Twice its logarithm, the noise's variance at its likeliest.
+    /// Twice its logarithm.
     likelihood: f64,
 }
 
 impl Filtered {
     /// From the first sample, of which nothing was known before.
-    fn of(series: &[f64], wander: f64) -> Self {
+    fn of(series: &[f64], wander: f64, noise: f64) -> Self {
         let mut level = Vec::with_capacity(series.len());
         let (mut squares, mut logs) = (0.0, 0.0);
         for y in series {
@@ -51,8 +61,7 @@ impl Filtered {
             logs += f64::ln(total);
             level.push((mean + before / total * innovation, before / total));
         }
-        let count = level.len().saturating_sub(1) as f64;
-        Self { wander, level, likelihood: -count * (squares / count.max(1.0)).max(f64::MIN_POSITIVE).ln() - logs }
+        Self { wander, level, likelihood: -squares / noise.max(f64::MIN_POSITIVE) - logs }
     }
 
     /// The level as all samples tell it.

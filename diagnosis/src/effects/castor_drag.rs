@@ -11,7 +11,8 @@
 //! motion at the first velocities would have it, and from rest as it was left there.
 //!
 //! `ball`: a ball or a pad that does not roll slides at (v, −d ω) and feels F against that: F v/√(v² + d² ω²) against forward motion and
-//! (ρ d²/h²) F ω/√(v² + d² ω²) against turning.
+//! (ρ d²/h²) F ω/√(v² + d² ω²) against turning. It carries more of the weight while the robot speeds up, or less where it is ahead: F grows by τ v',
+//! τ = z/(g b) with the centre of mass at the height z and b from the axle.
 
 use serde::{Deserialize, Serialize};
 use wheelwright_core::Effect;
@@ -48,6 +49,11 @@ const SWIVEL: usize = 3;
 const DAMPING: usize = 4;
 const LEFT_AT: usize = 5;
 const RATIO: usize = 6;
+/// Place of what speeding up adds to a ball's share of the weight.
+const TRANSFER: usize = 2;
+/// Greatest height of the centre of mass over its distance from the axle, and what it comes to on most robots.
+const HIGHEST: f64 = 10.0;
+const HIGH: f64 = 2.0;
 
 /// How far from straight a castor usually stands where a robot was left \[rad\], and how far apart others are looked at.
 const LEFT: f64 = 1.5;
@@ -58,7 +64,7 @@ impl CastorDrag {
     fn own(&self) -> usize {
         match self.kind {
             CastorKind::Swivel => 6,
-            CastorKind::Ball => 2,
+            CastorKind::Ball => 3,
         }
     }
 }
@@ -77,7 +83,10 @@ impl Effect for CastorDrag {
     }
 
     fn stage(&self) -> Stage {
-        Stage::Load
+        match self.kind {
+            CastorKind::Swivel => Stage::Load,
+            CastorKind::Ball => Stage::Drive,
+        }
     }
 
     fn inapplicable(&self, scene: &Scene) -> Option<String> {
@@ -100,7 +109,12 @@ impl Effect for CastorDrag {
                 all.push(EffectParameter::new("left_at", "rad", any, 0.2).usually(0.0, LEFT).initially());
             }
             // Ahead or behind is one to a ball.
-            CastorKind::Ball => all.push(EffectParameter::new("distance", "m", (0.05 * h, 3.0 * h), 0.2 * h)),
+            CastorKind::Ball => {
+                all.push(EffectParameter::new("distance", "m", (0.05 * h, 3.0 * h), 0.2 * h));
+                let most = HIGHEST / force::GRAVITY;
+                let transfer = EffectParameter::new("transfer", "s2/m", (-most, most), 0.1 * HIGH / force::GRAVITY);
+                all.push(transfer.neutral(0.0).usually(0.0, HIGH / force::GRAVITY));
+            }
         }
         all.extend(force::turning_ratio(scene));
         all
@@ -121,7 +135,7 @@ impl Effect for CastorDrag {
                 };
                 [(0.08, 1.5), (0.18, 0.9), (0.18, 1.4), (0.4, 0.8), (0.4, 1.3), (0.2, -1.1)].map(from).into()
             }
-            CastorKind::Ball => [0.8, 1.4].into_iter().flat_map(|d| force::starts(scene, &[drag, d * h], &[vec![DRAG]])).collect(),
+            CastorKind::Ball => [0.8, 1.4].into_iter().flat_map(|d| force::starts(scene, &[drag, d * h, 0.0], &[vec![DRAG]])).collect(),
         }
     }
 
@@ -212,7 +226,7 @@ impl Effect for CastorDrag {
         let (typical, distance) = (scene.scales.speed, p[DISTANCE]);
         let ratio = p.get(self.own());
         if self.kind == CastorKind::Ball {
-            return force::slides(scene, outputs, [p[DRAG], distance], ratio, load);
+            return;
         }
         let (cos, sin) = (state[0] * state[0] - state[1] * state[1], 2.0 * state[0] * state[1]);
         let drag = p[DRAG] * smooth_sign(v * cos - distance * w * sin, typical);
@@ -222,6 +236,20 @@ impl Effect for CastorDrag {
         let across = (p[SWIVEL] * smooth_sign(sweep, typical) + p[DAMPING] * sweep / p[TRAIL]) / p[TRAIL];
         let [forward, turn] = [drag * cos + across * by_v, -drag * distance * sin + across * by_w];
         scene.frame.add_at_body([forward, ratio.copied().unwrap_or(1.0) / (h * h) * turn], load);
+    }
+
+    fn drive(&self, p: &[f64], at: &Instant<'_>, motion: &Motion<'_>, _state: &[f64], drive: &mut [f64]) {
+        if self.kind == CastorKind::Swivel {
+            return;
+        }
+        let (frame, [th1, _]) = (at.scene.frame, force::inertia(&at.scene.frame, motion));
+        let mut against = [0.0; 2];
+        force::slides(at.scene, motion.outputs, [p[DRAG], p[DISTANCE]], p.get(self.own()), &mut against);
+        let ([forward, _], [drag, turn]) = (frame.body(drive), frame.body(&against));
+        // θ1 v' = forward − drag (1 + τ v').
+        let faster = (forward - drag) / (th1 + p[TRANSFER] * drag).max(force::LEAST * th1);
+        let load = (1.0 + p[TRANSFER] * faster).max(0.0);
+        frame.add_at_body([-load * drag, -load * turn], drive);
     }
 
     /// δ' = A sin δ + B cos δ + C turns (cos δ/2, sin δ/2) by y' = M y/2 with M = [−A, B − C; B + C, A] and M² = (A² + B² − C²) I, at

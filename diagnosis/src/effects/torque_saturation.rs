@@ -5,6 +5,7 @@ use serde::{Deserialize, Serialize};
 use wheelwright_core::Effect;
 use wheelwright_core::effect::{Confusion, EffectParameter, Estimate, Frame, Instant, Motion, Scene, Stage, Start};
 
+use super::force;
 use super::words::quantity;
 
 /// A limit of current or torque.
@@ -16,9 +17,16 @@ use super::words::quantity;
 /// e_ω / ρ with ρ the ratio of the force-to-command gains of forward and angular motion, and what is cut of the angular command is ρ
 /// times as much; its back-EMF is the wheel's own. In voltages, and for channels of which nothing is known, the limit cuts what is left for
 /// acceleration when friction and back-EMF have taken theirs: a current limit but for the share that friction needs.
+///
+/// A controller of forward and angular velocity may limit what it asks of either axis, whatever that comes to at a wheel: with `axes` |v_ref − v| and
+/// |ω_ref − ω| are cut, each at a limit of its own.
 #[derive(Debug, Clone, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct TorqueSaturation {}
+pub struct TorqueSaturation {
+    /// Whether each axis is limited by itself. Default `false`: each wheel is.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub axes: bool,
+}
 
 /// Back-EMF in terms of a loop's gain on most robots: what their speed falls short of the command.
 const BACK_EMF: f64 = 0.05;
@@ -30,11 +38,20 @@ impl Effect for TorqueSaturation {
     }
 
     fn about(&self) -> String {
-        "the drives' force is limited".to_owned()
+        if self.axes { "what drives forwards and what turns are limited".to_owned() } else { "the drives' force is limited".to_owned() }
     }
 
     fn stage(&self) -> Stage {
         Stage::Drive
+    }
+
+    fn inapplicable(&self, scene: &Scene) -> Option<String> {
+        if self.axes { force::needs_loops(scene) } else { None }
+    }
+
+    /// It bounds forward acceleration and turning as limits at the wheels do, but for where both are asked for.
+    fn stands_in(&self) -> bool {
+        self.axes
     }
 
     fn parameters(&self, scene: &Scene) -> Vec<EffectParameter> {
@@ -43,7 +60,12 @@ impl Effect for TorqueSaturation {
             // A drive that cannot pull by a hundredth of its command's size does not move the robot.
             EffectParameter::new(name, unit, (0.01 * typical, f64::INFINITY), 0.1 * typical).neutral(f64::INFINITY)
         };
+        let each = || scene.inputs.iter().zip(&scene.scales.inputs);
         match scene.frame {
+            Frame::Body { .. } if self.axes => each()
+                .zip(["v", "omega"])
+                .map(|((channel, typical), axis)| limit("limit", &channel.unit, *typical).of("axis", axis))
+                .collect(),
             Frame::Body { .. } => {
                 let ratio = EffectParameter::new("turning_ratio", "1", (0.2, 4.0), 0.3);
                 let back_emf = EffectParameter::new("back_emf", "1", (-1.0, 1.0), 0.4 * BACK_EMF).usually(0.0, BACK_EMF);
@@ -51,30 +73,34 @@ impl Effect for TorqueSaturation {
             }
             Frame::Sides { .. } => vec![limit("limit", &scene.inputs[0].unit, typical)],
             Frame::Channels => {
-                let each = scene.inputs.iter().zip(&scene.scales.inputs);
-                each.map(|(channel, typical)| limit("limit", &channel.unit, *typical).of("input", &channel.name)).collect()
+                each().map(|(channel, typical)| limit("limit", &channel.unit, *typical).of("input", &channel.name)).collect()
             }
         }
     }
 
     fn starts(&self, scene: &Scene) -> Vec<Start> {
-        let (body, n) = (matches!(scene.frame, Frame::Body { .. }), scene.inputs.len());
+        let (wheels, n) = (matches!(scene.frame, Frame::Body { .. }) && !self.axes, scene.inputs.len());
         let at = |share: f64, rho: f64| Start {
             values: match scene.frame {
-                Frame::Body { .. } => vec![share * scene.scales.command, rho, 0.0],
+                Frame::Body { .. } if !self.axes => vec![share * scene.scales.command, rho, 0.0],
                 Frame::Sides { .. } => vec![share * scene.scales.command],
-                Frame::Channels => scene.scales.inputs.iter().map(|typical| share * typical).collect(),
+                _ => scene.scales.inputs.iter().map(|typical| share * typical).collect(),
             },
-            columns: if scene.frame.has_wheels() { vec![vec![0]] } else { (0..n).map(|i| vec![i]).collect() },
+            columns: if scene.frame.has_wheels() && !self.axes { vec![vec![0]] } else { (0..n).map(|i| vec![i]).collect() },
             linear: false,
         };
-        let ratios: &[f64] = if body { &[1.0, 2.0] } else { &[1.0] };
+        let ratios: &[f64] = if wheels { &[1.0, 2.0] } else { &[1.0] };
         let limits = [0.05, 0.09, 0.15, 0.24, 0.36, 0.52, 0.75, 1.05, 1.4];
         limits.iter().flat_map(|share| ratios.iter().map(|rho| at(*share, *rho))).collect()
     }
 
     fn statement(&self, values: &[Estimate], scene: &Scene) -> String {
         match scene.frame {
+            Frame::Body { .. } if self.axes => format!(
+                "the controller asks for no more than for a lack of {} of forward and {} of angular velocity; the model had no limit of torque or current",
+                quantity(values[0], "m/s"),
+                quantity(values[1], "rad/s")
+            ),
             Frame::Body { .. } => format!(
                 "a wheel's drive pulls no harder than for a lack of {} of speed; the model had no limit of torque or current",
                 quantity(values[0], "m/s")
@@ -116,6 +142,11 @@ impl Effect for TorqueSaturation {
         let excess = |value: f64, limit: f64| value - value.clamp(-limit.abs(), limit.abs());
         let frame = at.scene.frame;
         match frame {
+            Frame::Body { .. } if self.axes => {
+                for (axis, (drive, limit)) in drive.iter_mut().zip(p).enumerate() {
+                    *drive -= excess(motion.u[axis] - motion.outputs[axis], *limit);
+                }
+            }
             Frame::Body { .. } => {
                 let rho = p[1];
                 let lack = [0, 1].map(|axis| motion.u[axis] - motion.outputs[axis]);

@@ -1,9 +1,15 @@
 //! Wheels that cannot steer are dragged sideways in a turn, and the ground resists.
 //!
-//! `patch`: contact patches ahead of and behind the centre slide sideways at a ω while they roll at v. Their friction acts against
-//! the resulting creep, so that the moment against turning is M ω / √(ω² + (v/l)²): all of it when turning in place, and the less
-//! the faster the robot rolls, l the patches' lever over the slip angle at which their friction is spent (a brush or ellipse
-//! model's limits; Wong, Theory of Ground Vehicles, for the moment of skid steering). l large is a moment M sgn ω.
+//! `patch`: contact patches ahead of and behind the centre slide sideways at a ω while those of a side roll at its speed s. Their friction acts
+//! against the resulting slip as that of a brush (Pacejka, Tyre and Vehicle Dynamics, section 3.2): of the moment M against turning each side has the half, 1 − (1 − y)³ of it where
+//! y = l |ω|/|s| is less than one. All of it acts when turning in place, and the less the faster a side rolls, l the patches' lever over the slip
+//! angle at which their friction is spent (Wong, Theory of Ground Vehicles, for the moment of skid steering). l large is a moment M sgn ω.
+//!
+//! `skid`: dry friction of two axles. A robot that turns about the point where one axle stands drags the other one sideways: with even loads it is
+//! M = a μ m g that resists, a half the wheelbase, and otherwise what the lighter axle holds, M (1 − |d + v |ω|/G − c v'|): d by how much the
+//! weight is nearer to one axle, G = μ g, of which holding the curve takes the share v |ω|/G, and c = z/(g a) what accelerating a centre of mass at the
+//! height z shifts. What drives is carried by the same friction: of a share n the root of n² − (v'/G)² is left across. As dry friction does,
+//! it holds the robot straight where what turns is less.
 //!
 //! `understeer`: K v² ω against turning, the resistance of side forces that grow with speed.
 //!
@@ -11,13 +17,27 @@
 
 use serde::{Deserialize, Serialize};
 use wheelwright_core::Effect;
-use wheelwright_core::effect::{Confusion, EffectParameter, Estimate, Frame, Instant, Scene, Stage, Start};
+use wheelwright_core::effect::{Confusion, EffectParameter, Estimate, Frame, Instant, Motion, Scene, Stage, Start};
 
 use super::force;
 use super::words::{KINK, digits, quantity, scaled};
 
 /// Lever over half the track beyond which the patches' friction is spent in every turn.
 const DRY: f64 = 30.0;
+
+/// Most that one axle carries of a weight, beyond the half, as a share of the half.
+const UNEVEN: f64 = 0.95;
+/// Greatest height of the centre of mass over half the wheelbase, and that from which is tried.
+const HIGHEST: f64 = 10.0;
+const SHIFTED: f64 = 2.0;
+/// Friction coefficient from which is tried.
+const SLIPPERY: f64 = 0.3;
+/// Difference of their loads, as a share of the half, below which two axles slide together: which one carries less is no matter of a hair.
+const EVEN: f64 = 0.05;
+/// Least share of the friction that is left across, where all of it drives.
+const LEFT: f64 = 0.01;
+/// Radius of a turn over the patches' lever in which half of their friction acts: 1 − (1 − y)³ is a half at y = 0.206.
+const HALF: f64 = 4.847;
 
 /// How the resistance depends on speed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
@@ -26,6 +46,8 @@ pub enum ScrubLaw {
     /// Friction of contact patches: greatest when turning in place.
     #[default]
     Patch,
+    /// Dry friction of the axle that carries less.
+    Skid,
     /// Grows with the square of speed.
     Understeer,
 }
@@ -48,12 +70,13 @@ impl Effect for TurningScrub {
     fn about(&self) -> String {
         match self.law {
             ScrubLaw::Patch => "sideways friction of the wheels against turning, greatest in place".to_owned(),
+            ScrubLaw::Skid => "sideways friction of the axle that carries less, which changes as the robot speeds up".to_owned(),
             ScrubLaw::Understeer => "a resistance to turning that grows with the square of forward speed".to_owned(),
         }
     }
 
     fn stage(&self) -> Stage {
-        Stage::Load
+        if self.law == ScrubLaw::Skid { Stage::Contact } else { Stage::Load }
     }
 
     fn inapplicable(&self, scene: &Scene) -> Option<String> {
@@ -67,10 +90,14 @@ impl Effect for TurningScrub {
         let strength = |name: &str, unit: &str, typical: f64| {
             EffectParameter::new(name, unit, (0.0, f64::INFINITY), 0.05 * typical).neutral(0.0).of("axis", "omega")
         };
+        let moment = || strength("moment", if sides { "V/m" } else { "rad/s" }, command / h);
         match self.law {
-            ScrubLaw::Patch => vec![
-                strength("moment", if sides { "V/m" } else { "rad/s" }, command / h),
-                EffectParameter::new("length", "m", (0.1 * h, 1000.0 * h), 0.3 * h),
+            ScrubLaw::Patch => vec![moment(), EffectParameter::new("length", "m", (0.1 * h, 1000.0 * h), 0.3 * h)],
+            ScrubLaw::Skid => vec![
+                moment(),
+                EffectParameter::new("uneven", "1", (-UNEVEN, UNEVEN), 0.1).neutral(0.0),
+                EffectParameter::new("transfer", "s2/m", (0.0, HIGHEST / force::GRAVITY), 0.3 / force::GRAVITY).neutral(0.0),
+                force::grip(scene),
             ],
             ScrubLaw::Understeer => vec![strength("understeer", if sides { "V s3/m3" } else { "s2/m2" }, command / speed.powi(3))],
         }
@@ -81,6 +108,9 @@ impl Effect for TurningScrub {
         let start = |values: Vec<f64>| Start { values, columns: vec![vec![0]], linear: true };
         match self.law {
             ScrubLaw::Patch => [0.4, 1.5, 6.0].map(|l| start(vec![strength, l * scene.frame.half_track()])).into(),
+            ScrubLaw::Skid => {
+                [0.0, -0.2, 0.2].map(|uneven| start(vec![strength, uneven, SHIFTED / force::GRAVITY, SLIPPERY * force::GRAVITY])).into()
+            }
             ScrubLaw::Understeer => vec![start(vec![strength])],
         }
     }
@@ -88,17 +118,21 @@ impl Effect for TurningScrub {
     fn statement(&self, values: &[Estimate], scene: &Scene) -> String {
         let (h, unit) = (scene.frame.half_track(), force::unit(scene));
         match self.law {
-            ScrubLaw::Patch => {
-                let fades = match values[1].value > DRY * h {
-                    true => "at whatever speed".to_owned(),
-                    false => format!(
+            ScrubLaw::Patch | ScrubLaw::Skid => {
+                let how = match self.law {
+                    ScrubLaw::Skid => format!(
+                        "by the friction of the axle that carries less, {} less for each m/s² by which the robot speeds up or slows down",
+                        quantity(scaled(values[2], |c| 100.0 * c), "%")
+                    ),
+                    _ if values[1].value > DRY * h => "at whatever speed".to_owned(),
+                    _ => format!(
                         "and half of that is left where the radius of the turn is {}",
-                        quantity(scaled(values[1], |l| 3.0_f64.sqrt() * l), "m")
+                        quantity(scaled(values[1], |l| HALF * l), "m")
                     ),
                 };
                 let moment = quantity(scaled(values[0], |m| m * h), unit);
                 format!(
-                    "the wheels scrub sideways in turns: turning in place uses up {moment} of each wheel's command, {fades}; the model had no scrub"
+                    "the wheels scrub sideways in turns: turning in place uses up {moment} of each wheel's command, {how}; the model had no scrub"
                 )
             }
             ScrubLaw::Understeer => {
@@ -113,13 +147,18 @@ impl Effect for TurningScrub {
         }
     }
 
+    /// Where nothing scrubs nothing skids.
+    fn stands_in(&self) -> bool {
+        self.law == ScrubLaw::Skid
+    }
+
     fn excitation(&self) -> &'static str {
         "turning in place, and the same turns at several forward speeds"
     }
 
     fn confusions(&self) -> &'static [Confusion] {
         match self.law {
-            ScrubLaw::Patch => &[
+            ScrubLaw::Patch | ScrubLaw::Skid => &[
                 Confusion {
                     with: "coulomb_friction",
                     because: "turning in place is braked by both alike; only friction at the wheels also brakes straight driving",
@@ -150,11 +189,35 @@ impl Effect for TurningScrub {
         let [v, w] = frame.body(outputs);
         let against = match self.law {
             ScrubLaw::Patch => {
-                let least = KINK * at.scene.scales.speed / frame.half_track();
-                p[0] * w / (w * w + (v / p[1]).powi(2) + least * least).sqrt()
+                let floor = floor(p[1], at.scene);
+                let spent = |side: f64| brush(p[1] * w.abs() / side.abs().max(floor));
+                0.5 * p[0] * w.signum() * frame.wheels(outputs).map(spent).iter().sum::<f64>()
             }
             ScrubLaw::Understeer => p[0] * v * v * w,
+            ScrubLaw::Skid => return,
         };
         frame.add_at_body([0.0, against], load);
     }
+
+    fn drive(&self, p: &[f64], at: &Instant<'_>, motion: &Motion<'_>, _state: &[f64], drive: &mut [f64]) {
+        let (frame, &[moment, uneven, transfer, grip]) = (at.scene.frame, p) else { return };
+        let ([forward, turn], [th1, th2], [v, w]) = (frame.body(drive), force::inertia(&frame, motion), frame.body(motion.outputs));
+        let faster = forward / th1;
+        let carried = (1.0 - (uneven + v * w.abs() / grip - transfer * faster).hypot(EVEN)).max(0.0);
+        let across = moment * (carried.powi(2) - (faster / grip).powi(2)).max(LEFT * LEFT).sqrt();
+        // What is held comes to rest within a step, whose length is known from its middle on.
+        let step = if at.span > 0.0 { 2.0 * at.span } else { at.scene.scales.period };
+        let against = (turn + th2 * w / step).clamp(-across.abs(), across.abs());
+        drive.copy_from_slice(&frame.from_body([forward, turn - against]));
+    }
+}
+
+/// The share of its friction with which a brush acts at a share of the slip at which that is spent.
+fn brush(share: f64) -> f64 {
+    1.0 - (1.0 - share.min(1.0)).powi(3)
+}
+
+/// The least speed at which patches of this lever roll: however long it is, their moment sets in as steeply as friction does over a kink at the wheels.
+fn floor(length: f64, scene: &Scene) -> f64 {
+    3.0 * length / scene.frame.half_track() * KINK * scene.scales.speed
 }

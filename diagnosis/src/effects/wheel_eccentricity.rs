@@ -6,15 +6,17 @@
 //!
 //! `rolling`: the wheel itself is, and the ground's own speed is recorded. A loop that keeps the wheel's rate drives the ground speed by
 //! s ε, which the robot's inertia follows as it follows a command: a load −s ε. The wheel and its motor are sped up and slowed down once a turn,
-//! and push the robot by that: a load −τ (s ε)', of which the greater part is −τ n s²/r dε/dφ. The axle rises and falls with the radius, and the
-//! weight on the wheel pushes it once a turn: a load C cos φ + D sin φ. Both count in turning by the turning ratio.
+//! and push the robot by that: a load −τ (s ε)', of which the greater part is −τ s²/r ε', ε' the change of ε over the wheel's angle. The axle rises
+//! and falls with the radius, and the weight on the wheel pushes it: a load κ ε'. Both count in turning by the turning ratio ρ. Where the radius
+//! grows or shrinks the wheel stands on a point r ε' ahead of its axle or behind it, which a turn drags sideways, while the other wheel holds the
+//! axle: friction μ of the weight resists, a load ρ μ r/(2h²) κ |ε'| sgn ω on the turning command.
 
 use serde::{Deserialize, Serialize};
 use wheelwright_core::Effect;
 use wheelwright_core::effect::{Confusion, EffectParameter, Estimate, Instant, Scene, Stage, Start};
 
 use super::force::{self, Wheel};
-use super::words::{digits, quantity};
+use super::words::{digits, quantity, smooth_sign};
 
 /// Where the ripple comes in.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
@@ -64,6 +66,8 @@ impl WheelEccentricity {
     }
 }
 
+/// Most that a friction coefficient of a tyre is.
+const MOST_FRICTION: f64 = 3.0;
 /// Most that a radius can differ from the robot's profile.
 const RADIUS: f64 = 0.1;
 /// Most that it is off in a start, and the step between starts.
@@ -123,19 +127,16 @@ impl Effect for WheelEccentricity {
             .or_else(|| if self.ripple == Ripple::Rolling { force::needs_loops(scene) } else { None })
     }
 
-    /// A and B of each wheel, where it rolls C and D of each, τ and the turning ratio, and the radius.
+    /// A and B of each wheel, where it rolls κ, τ, μ and the turning ratio, and the radius.
     fn parameters(&self, scene: &Scene) -> Vec<EffectParameter> {
         let amplitude =
             |name: &str, wheel: Wheel| EffectParameter::new(name, "1", (-0.5, 0.5), 0.02).neutral(0.0).of("wheel", wheel.word());
         let mut all: Vec<EffectParameter> = self.wheels().flat_map(|w| [amplitude("cosine", w), amplitude("sine", w)]).collect();
         if self.ripple == Ripple::Rolling {
-            let weight = |name: &str, wheel: Wheel| {
-                let any = (f64::NEG_INFINITY, f64::INFINITY);
-                let size = 0.02 * force::command(scene, 0);
-                EffectParameter::new(name, force::unit(scene), any, size).neutral(0.0).of("wheel", wheel.word())
-            };
-            all.extend(self.wheels().flat_map(|w| [weight("weight_cosine", w), weight("weight_sine", w)]));
+            let size = 0.5 * force::command(scene, 0);
+            all.push(EffectParameter::new("weight", force::unit(scene), (0.0, f64::INFINITY), size).neutral(0.0));
             all.push(force::spin_up());
+            all.push(EffectParameter::new("scrub", "1", (0.0, MOST_FRICTION), 0.2).neutral(0.0));
             all.extend(force::turning_ratio(scene));
         }
         let radius = radius(scene);
@@ -167,16 +168,15 @@ impl Effect for WheelEccentricity {
 
     /// By an angle of the ripple.
     fn turned(&self, values: &[f64], part: usize, angle: f64) -> Option<Vec<f64>> {
-        let wheels = self.wheels().count();
-        let pairs = if self.ripple == Ripple::Rolling { vec![part, wheels + part] } else { vec![part] };
+        if part >= self.wheels().count() {
+            return None;
+        }
         let (sin, cos) = angle.sin_cos();
         let mut turned = values.to_vec();
-        for pair in pairs {
-            // A cos(φ + angle) + B sin(φ + angle) in terms of cos φ and sin φ.
-            let (a, b) = (values.get(2 * pair)?, values.get(2 * pair + 1)?);
-            (turned[2 * pair], turned[2 * pair + 1]) = (a * cos + b * sin, b * cos - a * sin);
-        }
-        (part < wheels).then_some(turned)
+        // A cos(φ + angle) + B sin(φ + angle) in terms of cos φ and sin φ.
+        let (a, b) = (values.get(2 * part)?, values.get(2 * part + 1)?);
+        (turned[2 * part], turned[2 * part + 1]) = (a * cos + b * sin, b * cos - a * sin);
+        Some(turned)
     }
 
     fn statement(&self, values: &[Estimate], _scene: &Scene) -> String {
@@ -213,20 +213,24 @@ impl Effect for WheelEccentricity {
         if self.ripple == Ripple::Reading {
             return;
         }
-        let (speeds, n) = (frame.wheels(outputs), self.wheels().count());
-        let spin_up = rest[4 * n];
-        let (mut driven, mut pushed) = ([0.0; 2], [0.0; 2]);
-        for (i, wheel) in self.wheels().enumerate() {
+        let (speeds, (amplitudes, rest)) = (frame.wheels(outputs), rest.split_at(2 * self.wheels().count()));
+        let &[weight, spin_up, friction, ..] = rest else { return };
+        let ratio = rest.get(3).copied().unwrap_or(1.0);
+        let (mut driven, mut pushed, mut ahead) = ([0.0; 2], [0.0; 2], [0.0; 2]);
+        for (wheel, pair) in self.wheels().zip(amplitudes.chunks_exact(2)) {
             let side = wheel.index();
             let (sin, cos) = (self.per_turn() * at.distance(side) / radius).sin_cos();
-            let of = |k: usize, cos: f64, sin: f64| rest[k] * cos + rest[k + 1] * sin;
-            driven[side] = -speeds[side] * of(2 * i, cos, sin);
-            let growing = self.per_turn() * speeds[side].powi(2) / radius * of(2 * i, -sin, cos);
-            pushed[side] = of(2 * (n + i), cos, sin) - spin_up * growing;
+            let growing = self.per_turn() * (pair[1] * cos - pair[0] * sin);
+            driven[side] = -speeds[side] * (pair[0] * cos + pair[1] * sin);
+            pushed[side] = (weight - spin_up * speeds[side].powi(2) / radius) * growing;
+            ahead[side] = growing;
         }
         // What the loop is told is no force: it counts alike on both axes.
         frame.add_at_wheels(driven, 1.0, load);
-        frame.add_at_wheels(pushed, rest.get(4 * n + 1).copied().unwrap_or(1.0), load);
+        frame.add_at_wheels(pushed, ratio, load);
+        let (h, [_, w]) = (frame.half_track(), frame.body(outputs));
+        let dragged = friction * weight * radius / (2.0 * h * h) * (ahead[0] - ahead[1]).abs();
+        frame.add_at_body([0.0, ratio * dragged * smooth_sign(h * w, at.scene.scales.speed)], load);
     }
 
     fn measure(&self, p: &[f64], at: &Instant<'_>, _past: &dyn Fn(f64, &mut [f64]), _state: &mut [f64], outputs: &mut [f64]) {

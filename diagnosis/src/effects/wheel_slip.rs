@@ -48,11 +48,6 @@ pub struct WheelSlip {
     pub law: SlipLaw,
 }
 
-/// Standard gravity \[m/s²\].
-const GRAVITY: f64 = 9.80665;
-/// Friction coefficient beyond which a ground holds whatever is asked of it.
-const BOUNDLESS: f64 = 100.0;
-
 /// Limit, in terms of the push, beyond which a brush is no other tyre than one without a limit.
 const STICKS: f64 = 1e4;
 /// Spans of a lag after which no digit of it is left.
@@ -96,11 +91,7 @@ impl Effect for WheelSlip {
         let creep = || EffectParameter::new("creep", "s/m", (0.0, 100.0 / speed), 0.05 / speed).neutral(0.0);
         match self.law {
             SlipLaw::Creep => [creep(), force::spin_up()].into_iter().chain(force::turning_ratio(scene)).collect(),
-            SlipLaw::Grip => {
-                let least = (0.02 * speed).min(GRAVITY);
-                let grip = EffectParameter::new("grip", "m/s2", (least, f64::INFINITY), 0.1 * speed).neutral(f64::INFINITY);
-                [grip, creep(), force::spin_up()].into_iter().chain(force::turning_ratio(scene)).collect()
-            }
+            SlipLaw::Grip => [force::grip(scene), creep(), force::spin_up()].into_iter().chain(force::turning_ratio(scene)).collect(),
         }
     }
 
@@ -111,7 +102,7 @@ impl Effect for WheelSlip {
             SlipLaw::Creep => vec![Start { values: with_ratio(&[0.05 / speed, 0.0]), columns: vec![vec![0]], linear: true }],
             SlipLaw::Grip => [8.0, 5.6, 4.0, 2.8, 2.0, 1.4, 1.0, 0.7, 0.5, 0.35]
                 .into_iter()
-                .map(|share| (share * speed).min(2.0 * GRAVITY))
+                .map(|share| (share * speed).min(2.0 * force::GRAVITY))
                 .map(|grip| Start { values: with_ratio(&[grip, 0.05 / speed, 0.0]), columns: vec![vec![0], vec![1]], linear: false })
                 .collect(),
         }
@@ -128,11 +119,11 @@ impl Effect for WheelSlip {
         };
         match self.law {
             SlipLaw::Creep => creeps(values[0]),
-            SlipLaw::Grip if values[0].value > BOUNDLESS * GRAVITY => creeps(values[1]),
+            SlipLaw::Grip if values[0].value > force::BOUNDLESS => creeps(values[1]),
             SlipLaw::Grip => format!(
                 "the wheels slip when the robot is to accelerate by more than {}, a friction coefficient of {} if they carry all of its weight; the model's wheels held always",
                 quantity(values[0], "m/s²"),
-                digits(values[0].value / GRAVITY)
+                digits(values[0].value / force::GRAVITY)
             ),
         }
     }
@@ -228,7 +219,7 @@ impl WheelSlip {
 
     /// What each wheel stands on.
     fn grounds(&self, p: &[f64], loops: &Loops, frame: &Frame, motion: &Motion<'_>) -> [Ground; 2] {
-        let (needs, withdrawn) = (needs(frame, motion), loops.own);
+        let (needs, withdrawn) = (force::needs(frame, motion), loops.own);
         [0, 1].map(|i| match self.law {
             SlipLaw::Creep => Ground { most: f64::INFINITY, creep: p[0] / withdrawn[i], spin_up: p[1], withdrawn: withdrawn[i] },
             SlipLaw::Grip => Ground { most: p[0] * needs[i], creep: p[1] / withdrawn[i], spin_up: p[2], withdrawn: withdrawn[i] },
@@ -296,12 +287,6 @@ impl Ground {
         let mean = end - gone * (1.0 - left) / (rate * span);
         (now, push - self.withdrawn * (mean + self.spin_up * (now - ahead) / span))
     }
-}
-
-/// What one unit of forward acceleration takes at each wheel.
-fn needs(frame: &Frame, motion: &Motion<'_>) -> [f64; 2] {
-    let i = motion.inertia;
-    if matches!(frame, Frame::Body { .. }) { [i[0]; 2] } else { [i[0] + i[1], i[2] + i[3]] }
 }
 
 /// A wheel's push, and its hub's speed along it, both as commands.

@@ -302,7 +302,7 @@ fn loops_integrate_their_error() {
 #[test]
 fn a_drive_pulls_no_harder_than_its_limit() {
     for (limit, rho, emf) in [(0.1, 1.0, 0.0), (0.16, 1.9, 0.0), (0.12, 1.0, 0.04), (0.12, 1.5, 0.08)] {
-        let error = difference(&[&TorqueSaturation {}], &[limit, rho, emf], &[], [0.3, 0.2], |s, t, x| {
+        let error = difference(&[&TorqueSaturation::default()], &[limit, rho, emf], &[], [0.3, 0.2], |s, t, x| {
             let u = held(s, t);
             // Each wheel pulls by what its share of both loops asks for less what its own speed induces, up to the limit; the base model takes
             // off what it induces without one.
@@ -312,6 +312,16 @@ fn a_drive_pulls_no_harder_than_its_limit() {
         });
         assert!(error < 2e-4, "{limit} {rho} {emf}: {error}");
     }
+}
+
+#[test]
+fn a_controller_asks_of_each_axis_no_more_than_its_limit() {
+    let limits = [0.1, 0.15];
+    let error = difference(&[&TorqueSaturation { axes: true }], &limits, &[], [0.3, 0.2], |s, t, x| {
+        let u = held(s, t);
+        base([0, 1].map(|i| x[i] + (u[i] - x[i]).max(-limits[i]).min(limits[i])), x)
+    });
+    assert!(error < 2e-4, "{error}");
 }
 
 #[test]

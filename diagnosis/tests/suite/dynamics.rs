@@ -1,7 +1,7 @@
 //! Effects on the dynamics, each against an integration with very small steps of equations written anew.
 
 use crate::rig::{HALF_TRACK, body, integrate, sides};
-use wheelwright_core::effect::{Effect, Instant, Track};
+use wheelwright_core::effect::{Effect, EffectSimulator, Instant, Track};
 use wheelwright_core::simulation::Readout;
 use wheelwright_diagnosis::effects::{
     ActuatorLag, Backlash, BatterySag, Between, CastorDrag, CastorKind, CoulombFriction, CoulombFrictionOneWheel, DeadZone,
@@ -137,19 +137,61 @@ fn scrub_resists_turning() {
     let rig = body();
     let (m, l) = (0.3, 0.2);
     let patch = TurningScrub { law: ScrubLaw::Patch };
-    // A moment that is all there in place and falls with the slip angle otherwise; smooth at standstill within the kink.
-    let moment = |v: f64, w: f64, kink: f64| m * w / (w * w + v * v / (l * l) + (kink / HALF_TRACK).powi(2)).sqrt();
-    let error = rig.load_error(&patch, &[m, l], |[v, w]| [0.0, moment(v, w, rig.kink)]);
+    // Each side has the half of a moment that is all there in place and falls with its slip angle; smooth at standstill within the kink.
+    let moment = |sides: [f64; 2], w: f64| {
+        let spent = |side: f64| (l * w.abs() / side.abs().max(3.0 * l * rig.kink / HALF_TRACK)).min(1.0);
+        0.5 * m * w.signum() * sides.map(|side| 1.0 - (1.0 - spent(side)).powi(3)).iter().sum::<f64>()
+    };
+    let error = rig.load_error(&patch, &[m, l], |[v, w]| [0.0, moment(wheels([v, w]), w)]);
     assert!(error < 3e-4, "{error}");
     let understeer = TurningScrub { law: ScrubLaw::Understeer };
     let error = rig.load_error(&understeer, &[0.8], |[v, w]| [0.0, 0.8 * v * v * w]);
     assert!(error < 1e-4, "{error}");
-    let rig = sides();
-    let error = rig.load_error(&patch, &[m / HALF_TRACK, l], |[left, right]| {
-        let (v, w) = (0.5 * (left + right), (right - left) / (2.0 * HALF_TRACK));
-        [-moment(v, w, rig.kink), moment(v, w, rig.kink)]
-    });
+    let sided = sides();
+    let moment = |sides: [f64; 2]| {
+        let w = (sides[1] - sides[0]) / (2.0 * HALF_TRACK);
+        let spent = |side: f64| (l * w.abs() / side.abs().max(3.0 * l * sided.kink / HALF_TRACK)).min(1.0);
+        0.5 * m * w.signum() * sides.map(|side| 1.0 - (1.0 - spent(side)).powi(3)).iter().sum::<f64>()
+    };
+    let error = sided.load_error(&patch, &[m / HALF_TRACK, l], |x| [-moment(x), moment(x)]);
     assert!(error < 3e-4, "{error}");
+}
+
+/// The lighter axle of a robot on four wheels slides: its share of the weight, what holding the curve and speeding up take of it, and what drives.
+#[test]
+fn the_axle_that_carries_less_scrubs() {
+    let rig = body();
+    let (m, uneven, transfer, grip) = (0.3, -0.2, 0.1, 3.0);
+    let th2 = 0.19;
+    for (m, most) in [(m, 2e-3), (0.1 * m, 5e-4)] {
+        let error = rig.error(&TurningScrub { law: ScrubLaw::Skid }, &[m, uneven, transfer, grip], rig.start, &[], |_, u, [v, w]| {
+            let [forward, turn] = (rig.base)(u, [v, w]);
+            let lighter: f64 = 1.0 - (uneven + v * w.abs() / grip - transfer * forward).hypot(0.05);
+            let across = m * (lighter * lighter - (forward / grip).powi(2)).max(1e-4).sqrt() / th2;
+            // A robot that is held stands within two milliseconds.
+            [forward, turn - (turn + w / 2e-3).max(-across).min(across)]
+        });
+        assert!(error < most, "{m}: {error}");
+    }
+}
+
+/// However coarsely it is stepped, a robot that friction holds stands where friction is as large as what pulls.
+#[test]
+fn friction_holds_a_robot_at_any_step() {
+    let rig = body();
+    let (friction, pull) = (0.2, 0.02);
+    let mut stretch = rig.stretch().clone();
+    stretch.inputs = vec![vec![pull; stretch.len()], vec![0.0; stretch.len()]];
+    let scene = rig.scene();
+    let effect = CoulombFriction::default();
+    let mut simulator = EffectSimulator::new(&*rig.model, &rig.theta, &[&effect], &scene).unwrap();
+    simulator.set(&rig.theta, &[friction, 1.0]).unwrap();
+    simulator.set_substeps(1);
+    let mut run = vec![Vec::new(); 2];
+    simulator.run(0, &stretch, &[0.0, 0.0], &mut run).unwrap();
+    let stands = rig.kink * (pull / friction).atanh();
+    let worst = run[0][100..].iter().map(|v| (v - stands).abs()).fold(0.0, f64::max);
+    assert!(worst < 0.01 * rig.kink, "{worst} of {}", rig.kink);
 }
 
 #[test]
@@ -206,11 +248,18 @@ fn a_castor_starts_from_rest_as_it_was_left() {
 fn a_ball_slides_against_its_motion() {
     let rig = body();
     let (f, d, ratio) = (0.05, 0.2, 1.2);
-    let error = rig.load_error(&CastorDrag { kind: CastorKind::Ball }, &[f, d, ratio], |[v, w]| {
-        let slide = v.hypot(d * w).hypot(rig.kink);
-        [f * v / slide, ratio * f * d * d / (HALF_TRACK * HALF_TRACK) * w / slide]
-    });
-    assert!(error < 1e-3, "{error}");
+    for transfer in [0.0, 0.2, -0.1] {
+        let ball = CastorDrag { kind: CastorKind::Ball };
+        let error = rig.error(&ball, &[f, d, transfer, ratio], rig.start, &[], |_, u, [v, w]| {
+            let slide = v.hypot(d * w).hypot(rig.kink);
+            let [forward, turn] = [f * v / slide, ratio * f * d * d / (HALF_TRACK * HALF_TRACK) * w / slide];
+            // The load on the ball and the acceleration that it leaves: by turns, each from the other.
+            let of = |load: f64| (rig.base)([u[0] - load * forward, u[1] - load * turn], [v, w]);
+            let load = (0..50).fold(1.0, |load, _| 1.0 + transfer * of(load)[0]);
+            of(load)
+        });
+        assert!(error < 1e-3, "{transfer}: {error}");
+    }
 }
 
 /// Wheels of unequal radii by virtual power: rates that the loops take for x̂ = x − E x push with P (u − x̂), and the push at each wheel

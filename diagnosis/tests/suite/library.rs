@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 
 use crate::rig::{HALF_TRACK, Rig, body, sides};
 use proptest::prelude::*;
-use wheelwright_core::effect::{Effect, EffectParameter, EffectSimulator, Estimate, Instant, Place, Scene, Start};
+use wheelwright_core::effect::{Effect, EffectParameter, EffectSimulator, Estimate, Instant, Place, Scene, Stage, Start};
 use wheelwright_core::model::ModelError;
 use wheelwright_core::simulation::Readout;
 use wheelwright_diagnosis::effects::{ActuatorLag, CoulombFriction, CoulombFrictionOneWheel, StribeckFriction, Wheel, library};
@@ -207,7 +207,9 @@ fn friction_never_drives() {
             readout: Readout::default(),
         };
         let effects = able(&scene);
-        for effect in effects.iter().filter(|e| passive.contains(&e.name())) {
+        // What acts on the drive is no load.
+        let loads = |e: &&Box<dyn Effect>| passive.contains(&e.name()) && e.stage() <= Stage::Load;
+        for effect in effects.iter().filter(loads) {
             let parameters = effect.parameters(&scene);
             let mut lost: f64 = 0.0;
             for i in 0..2000_u32 {
@@ -257,8 +259,10 @@ fn responses_are_smooth_in_the_parameters_of_the_dynamics() {
                 let (whole, half) = (response(0.002), response(0.001));
                 let norm = |x: &mut dyn Iterator<Item = f64>| x.map(|x| x * x).sum::<f64>().sqrt();
                 let bend = norm(&mut whole.iter().zip(&half).map(|(w, h)| w - 2.0 * h)) / norm(&mut whole.iter().copied()).max(1e-9);
-                // Where teeth meet a wheel's speed jumps: what of that falls on a sample does not grow evenly.
-                let most = if effect.name() == "backlash" { 0.5 } else { 0.1 };
+                // Where teeth meet a wheel's speed jumps, and what dry friction holds comes off in one step or in the next: what of that falls on
+                // a sample does not grow evenly.
+                let held = effect.name() == "turning_scrub" && effect.stage() == Stage::Contact;
+                let most = if effect.name() == "backlash" { 0.5 } else if held { 0.2 } else { 0.1 };
                 assert!(bend < most, "{}, {} from {}: {bend}", effect.name(), p.name, start[i]);
             }
         }

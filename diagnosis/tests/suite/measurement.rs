@@ -178,10 +178,10 @@ fn an_eccentric_wheel_ripples_once_a_turn() {
 }
 
 #[test]
-fn a_wheel_off_its_axle_is_driven_unevenly_carries_weight_and_is_sped_up() {
+fn a_wheel_off_its_axle_is_driven_unevenly_carries_weight_is_sped_up_and_scrubs() {
     let rig = rig();
     let effect = WheelEccentricity { wheel: Some(Wheel::Left), ripple: Ripple::Rolling, oval: false };
-    let (a, b, c, d, spin_up, ratio, radius) = (0.03, -0.05, 0.02, 0.07, 0.04, 1.7, 0.093);
+    let (a, b, weight, spin_up, scrub, ratio, radius) = (0.03, -0.05, 0.4, 0.04, 1.2, 1.7, 0.093);
     let row = rig.stretch().len() / 2;
     let at = Instant {
         time: rig.stretch().time[row],
@@ -193,9 +193,9 @@ fn a_wheel_off_its_axle_is_driven_unevenly_carries_weight_and_is_sped_up() {
         readout: Readout::Instantaneous,
     };
     let (v, w) = (0.35, -0.8);
-    let loads = |spin_up: f64| {
+    let loads = |spin_up: f64, scrub: f64| {
         let mut load = [0.0; 2];
-        effect.load(&[a, b, c, d, spin_up, ratio, radius], &at, &[v, w], &[], &mut load);
+        effect.load(&[a, b, weight, spin_up, scrub, ratio, radius], &at, &[v, w], &[], &mut load);
         load
     };
     let phase = rig.scene.tracks[0].distance[0][row] / radius;
@@ -206,11 +206,19 @@ fn a_wheel_off_its_axle_is_driven_unevenly_carries_weight_and_is_sped_up() {
     let driven = kept(phase);
     let on = 1e-5;
     let gained = (kept(phase + on * speed / radius) - kept(phase - on * speed / radius)) / (2.0 * on);
-    let pushed = c * phase.cos() + d * phase.sin();
+    // Lifting the weight takes as much as its height changes over the wheel's angle.
+    let rise = |angle: f64| a * angle.cos() + b * angle.sin();
+    let slope = (rise(phase + on) - rise(phase - on)) / (2.0 * on);
+    let pushed = weight * slope;
     // The difference is exact to a part in 10¹⁰.
-    for (spin_up, pushed, least) in [(0.0, pushed, 1e-12), (spin_up, pushed + spin_up * gained, 1e-9)] {
-        let (load, wanted) = (loads(spin_up), [0.5 * (driven + pushed), -(driven + ratio * pushed) / (2.0 * HALF_TRACK)]);
-        assert!((load[0] - wanted[0]).abs() < least && (load[1] - wanted[1]).abs() < least, "{load:?} {wanted:?}");
+    for (spin_up, pushed) in [(0.0, pushed), (spin_up, pushed + spin_up * gained)] {
+        // The weight on the wheel by its lever is the push at the rim times the radius; the tyre is dragged across the whole of that lever.
+        let dragged = -scrub * weight * slope.abs() * radius / (2.0 * HALF_TRACK * HALF_TRACK) * ratio;
+        for (scrub, dragged) in [(0.0, 0.0), (scrub, dragged)] {
+            let load = loads(spin_up, scrub);
+            let wanted = [0.5 * (driven + pushed), -(driven + ratio * pushed) / (2.0 * HALF_TRACK) + dragged];
+            assert!((load[0] - wanted[0]).abs() < 1e-9 && (load[1] - wanted[1]).abs() < 1e-9, "{load:?} {wanted:?}");
+        }
     }
 }
 

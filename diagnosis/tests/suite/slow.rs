@@ -19,7 +19,7 @@ fn a_slow_ramp_is_found_before_a_quick_robot() {
         let drive = Drive { samples: 1300, change: 0.04, forward: -0.1..0.6, turning: -1.2..1.2, seed };
         let (mut data, mut random) = drive.driven(&*model, &THETA, 0.34, &ramp, &[rate, 2.0 * rate, 0.5]);
         blur(&mut data, [0.004, 0.012], &mut random);
-        let library: Vec<Box<dyn Effect>> = vec![Box::new(TorqueSaturation {}), Box::new(ramp)];
+        let library: Vec<Box<dyn Effect>> = vec![Box::new(TorqueSaturation::default()), Box::new(ramp)];
         let mut question = Question::new(&*model, &data, &library);
         question.track_width = Some(0.34);
         question.experiment = false;
