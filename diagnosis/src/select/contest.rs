@@ -82,17 +82,18 @@ impl<'a> Search<'a> {
         let base = || State { effects: Vec::new(), fit: selected.base.clone() };
         let Some(rest) = self.without(selected, member) else { return (base(), Vec::new()) };
         let dropped = selected.state.effects[member];
-        let mut responses = self.responses_beside(&rest, selected, first);
-        let stands_in: Vec<usize> = (0..self.library.len()).filter(|i| self.stands_in(*i, dropped)).collect();
-        if !stands_in.is_empty() {
-            responses.to_mut().extend(self.respond_of(&stands_in, &rest));
-        }
+        let responses = self.responses_beside(&rest, selected, first);
         let screened = self.screen(&rest, &selected.whitening, &responses);
         let others: Vec<Vec<Candidate>> = screened.into_iter().filter(|c| c[0].effect != dropped).collect();
         let unbent = self.unbent(&selected.state, member);
         let gain = self.gain(&selected.state.fit, &rest);
         let field = Field::contest(&unbent, gain, selected.gained(&self.setting, &rest.fit));
-        let refined = self.refine(&rest, &selected.whitening, &others, &responses, &field);
+        let mut refined = self.refine(&rest, &selected.whitening, &others, &responses, &field);
+        let stands_in = (0..self.library.len()).filter(|i| self.stands_in(*i, dropped) && self.joins(*i, &rest.effects));
+        // From where the member is: of what only stands in for it nothing is to be seen without it.
+        let placed = |i: usize| self.placed(i, self.starts_at(i, &selected.state, member), &unbent, selected, &rest);
+        refined.extend(stands_in.filter_map(placed));
+        refined.sort_by(|a, b| b.score.total_cmp(&a.score));
         (rest, refined)
     }
 

@@ -104,9 +104,23 @@ impl<'a> Search<'a> {
         self.effect(effect).starts(self.setting.scene).into_iter().map(|start| start.values).collect()
     }
 
+    /// Values from which an effect may start in a member's place: its own, and those with what it has by the same name as the member has it.
+    pub(super) fn starts_at(&self, effect: usize, state: &State, member: usize) -> Vec<Vec<f64>> {
+        let known = self.values_in(effect, self.effect(state.effects[member]), &self.fitted(state).values[member]);
+        let at = |values: &Vec<f64>| values.iter().zip(&known).map(|(start, known)| known.unwrap_or(*start)).collect();
+        let own = self.starts(effect);
+        let there: Vec<Vec<f64>> = own.iter().map(at).collect();
+        own.into_iter().chain(there).collect()
+    }
+
     /// An effect's values as those of a wider one have them, if it has all of them.
     fn as_part_of(&self, effect: usize, wide: &dyn Effect, values: &[f64]) -> Option<Vec<f64>> {
-        let whole = wide.parameters(self.setting.scene);
+        self.values_in(effect, wide, values).into_iter().collect()
+    }
+
+    /// Of each parameter of an effect the value that another one has for it, if it has it.
+    fn values_in(&self, effect: usize, other: &dyn Effect, values: &[f64]) -> Vec<Option<f64>> {
+        let whole = other.parameters(self.setting.scene);
         // What has a side in the one has none in the other, which has it for both.
         let same = |p: &EffectParameter, own: &EffectParameter| {
             p.name == own.name && (p.label.is_none() || own.label.is_none() || p.label == own.label)

@@ -262,7 +262,13 @@ fn responses_are_smooth_in_the_parameters_of_the_dynamics() {
                 // Where teeth meet a wheel's speed jumps, and what dry friction holds comes off in one step or in the next: what of that falls on
                 // a sample does not grow evenly.
                 let held = effect.name() == "turning_scrub" && effect.stage() == Stage::Contact;
-                let most = if effect.name() == "backlash" { 0.5 } else if held { 0.2 } else { 0.1 };
+                let most = if effect.name() == "backlash" {
+                    0.5
+                } else if held {
+                    0.2
+                } else {
+                    0.1
+                };
                 assert!(bend < most, "{}, {} from {}: {bend}", effect.name(), p.name, start[i]);
             }
         }
