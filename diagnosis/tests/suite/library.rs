@@ -208,8 +208,7 @@ fn friction_never_drives() {
         };
         let effects = able(&scene);
         // What acts on the drive is no load.
-        let loads = |e: &&Box<dyn Effect>| passive.contains(&e.name()) && e.stage() <= Stage::Load;
-        for effect in effects.iter().filter(loads) {
+        for effect in effects.iter().filter(|e| passive.contains(&e.name()) && e.stage() <= Stage::Load) {
             let parameters = effect.parameters(&scene);
             let mut lost: f64 = 0.0;
             for i in 0..2000_u32 {
