@@ -109,4 +109,17 @@ mod tests {
         assert!(worst < 0.25, "{worst}");
         assert!(level(&[]).is_empty() && level(&[3.0]) == [3.0]);
     }
+
+    #[test]
+    fn a_misfit_that_jumps_is_no_noise() {
+        let (quick, jumps) = (noise(2000), noise(40));
+        let series: Vec<f64> = quick.iter().enumerate().map(|(k, n)| 0.1 * n + jumps[k / 50]).collect();
+        let (mut way, mut worst) = (0.0, 0.0_f64);
+        for (told, there) in level(&series).iter().zip(&series) {
+            way += told - there;
+            worst = worst.max(f64::abs(way));
+        }
+        // The way is that of the record but for what goes on within a piece of it.
+        assert!(worst < 15.0, "{worst}");
+    }
 }
