@@ -96,9 +96,6 @@ pub(super) fn command(scene: &Scene, contact: usize) -> f64 {
 /// Standard gravity \[m/s²\].
 pub(super) const GRAVITY: f64 = 9.80665;
 
-/// Acceleration beyond which a ground holds whatever is asked of it \[m/s²\].
-pub(super) const BOUNDLESS: f64 = 100.0 * GRAVITY;
-
 /// The most that the ground holds, as an acceleration of the robot's mass: over gravity the friction coefficient if the driven wheels carry all weight.
 pub(super) fn grip(scene: &Scene) -> EffectParameter {
     let speed = scene.scales.speed;
@@ -170,12 +167,6 @@ pub(super) fn at_contacts(at: &Instant<'_>, outputs: &[f64], ratio: Option<&f64>
             *load += law(i, *x, smooth_sign(*x, scene.scales.outputs[i]));
         }
     }
-}
-
-/// What one unit of forward acceleration takes at each wheel.
-pub(super) fn needs(frame: &Frame, motion: &Motion<'_>) -> [f64; 2] {
-    let i = motion.inertia;
-    if matches!(frame, Frame::Body { .. }) { [i[0]; 2] } else { [i[0] + i[1], i[2] + i[3]] }
 }
 
 /// The least that coupling may leave of the determinant of the inertia, as a share: a rigid body's is positive.

@@ -48,6 +48,9 @@ pub struct WheelSlip {
     pub law: SlipLaw,
 }
 
+/// Acceleration beyond which a ground holds whatever is asked of it \[m/s²\].
+const BOUNDLESS: f64 = 100.0 * force::GRAVITY;
+
 /// Limit, in terms of the push, beyond which a brush is no other tyre than one without a limit.
 const STICKS: f64 = 1e4;
 /// Spans of a lag after which no digit of it is left.
@@ -119,7 +122,7 @@ impl Effect for WheelSlip {
         };
         match self.law {
             SlipLaw::Creep => creeps(values[0]),
-            SlipLaw::Grip if values[0].value > force::BOUNDLESS => creeps(values[1]),
+            SlipLaw::Grip if values[0].value > BOUNDLESS => creeps(values[1]),
             SlipLaw::Grip => format!(
                 "the wheels slip when the robot is to accelerate by more than {}, a friction coefficient of {} if they carry all of its weight; the model's wheels held always",
                 quantity(values[0], "m/s²"),
@@ -219,7 +222,7 @@ impl WheelSlip {
 
     /// What each wheel stands on.
     fn grounds(&self, p: &[f64], loops: &Loops, frame: &Frame, motion: &Motion<'_>) -> [Ground; 2] {
-        let (needs, withdrawn) = (force::needs(frame, motion), loops.own);
+        let (needs, withdrawn) = (needs(frame, motion), loops.own);
         [0, 1].map(|i| match self.law {
             SlipLaw::Creep => Ground { most: f64::INFINITY, creep: p[0] / withdrawn[i], spin_up: p[1], withdrawn: withdrawn[i] },
             SlipLaw::Grip => Ground { most: p[0] * needs[i], creep: p[1] / withdrawn[i], spin_up: p[2], withdrawn: withdrawn[i] },
@@ -287,6 +290,12 @@ impl Ground {
         let mean = end - gone * (1.0 - left) / (rate * span);
         (now, push - self.withdrawn * (mean + self.spin_up * (now - ahead) / span))
     }
+}
+
+/// What one unit of forward acceleration takes at each wheel.
+fn needs(frame: &Frame, motion: &Motion<'_>) -> [f64; 2] {
+    let i = motion.inertia;
+    if matches!(frame, Frame::Body { .. }) { [i[0]; 2] } else { [i[0] + i[1], i[2] + i[3]] }
 }
 
 /// A wheel's push, and its hub's speed along it, both as commands.

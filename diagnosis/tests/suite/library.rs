@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 
 use crate::rig::{HALF_TRACK, Rig, body, sides};
 use proptest::prelude::*;
-use wheelwright_core::effect::{Effect, EffectParameter, EffectSimulator, Estimate, Instant, Place, Scene, Stage, Start};
+use wheelwright_core::effect::{Effect, EffectParameter, EffectSimulator, Estimate, Instant, Motion, Place, Scene, Stage, Start};
 use wheelwright_core::model::ModelError;
 use wheelwright_core::simulation::Readout;
 use wheelwright_diagnosis::effects::{ActuatorLag, CoulombFriction, CoulombFrictionOneWheel, StribeckFriction, Wheel, library};
@@ -207,8 +207,8 @@ fn friction_never_drives() {
             readout: Readout::default(),
         };
         let effects = able(&scene);
-        // What acts on the drive is no load.
-        for effect in effects.iter().filter(|e| passive.contains(&e.name()) && e.stage() <= Stage::Load) {
+        // What holds a robot straight answers what turns it, and not the turning alone.
+        for effect in effects.iter().filter(|e| passive.contains(&e.name()) && e.stage() < Stage::Contact) {
             let parameters = effect.parameters(&scene);
             let mut lost: f64 = 0.0;
             for i in 0..2000_u32 {
@@ -219,6 +219,11 @@ fn friction_never_drives() {
                 effect.begin(&p, &at, &[0.0; 2], &[4.0 * share(13) - 2.0, 4.0 * share(14) - 2.0], &mut state);
                 let mut load = [0.0; 2];
                 effect.load(&p, &at, &outputs, &state, &mut load);
+                let (inertia, held) = ([0.26, 0.0, 0.0, 0.19], [0.0; 2]);
+                let motion = Motion { u: &held, outputs: &outputs, inertia: &inertia, drag: &inertia, held: &held };
+                let mut drive = [0.0; 2];
+                effect.drive(&p, &at, &motion, &state, &mut drive);
+                load.iter_mut().zip(drive).for_each(|(load, drive)| *load -= drive);
                 let ratio = parameters.iter().position(|p| p.name == "turning_ratio").map_or(1.0, |j| p[j]);
                 let (force, motion) = (scene.frame.body(&load), scene.frame.body(&outputs));
                 let power = force[0] * motion[0] + HALF_TRACK * HALF_TRACK / ratio * force[1] * motion[1];
