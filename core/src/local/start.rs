@@ -66,27 +66,42 @@ pub(crate) fn rough_start(model: &dyn RegressorModel, map: &ParameterMap, data: 
 }
 
 /// Replaces coefficients of accelerations that the data left at zero or below, with which nothing can be simulated, by their
-/// plausible size at a time constant of ten periods.
+/// plausible size at a time constant of ten periods; and if it runs away all the same, puts as few other parameters at nothing as end that.
 pub(crate) fn simulable(model: &dyn RegressorModel, map: &ParameterMap, data: &Dataset, mut z: Vec<f64>) -> Vec<f64> {
-    let theta = map.theta(&z);
-    let runs = |z: &[f64]| {
-        let free_run = FreeRun::new(model, map, data, Vec::new());
-        free_run.simulate(&free_run.point(z.to_vec(), Vec::new())).is_ok()
-    };
+    let free_run = FreeRun::new(model, map, data, Vec::new());
+    let runs = |z: &[f64]| free_run.simulate(&free_run.point(z.to_vec(), Vec::new())).is_ok();
     if runs(&z) {
         return z;
     }
-    let mut unusable = theta.clone();
-    unusable.fill(0.0);
-    let sizes = plausible(model, data, &unusable);
+    let theta = map.theta(&z);
+    let sizes = plausible(model, data, &vec![0.0; theta.len()]);
     let free = map.free.len();
+    let mut moving = vec![false; free];
     for (j, parameter) in model.parameters().iter().enumerate() {
         let term = Term::of(model, j);
+        let Some(i) = (0..free).find(|i| map.matrix[j * free + i] != 0.0) else { continue };
+        moving[i] |= !term.accelerations.is_empty();
         if term.accelerations.is_empty() || theta[j] > 0.01 * sizes[j] || parameter.bounds.0 < 0.0 {
             continue;
         }
-        if let Some(i) = (0..free).find(|i| map.matrix[j * free + i] != 0.0) {
-            z[i] += (sizes[j] - theta[j]) / map.matrix[j * free + i];
+        z[i] += (sizes[j] - theta[j]) / map.matrix[j * free + i];
+    }
+    if runs(&z) { z } else { tamed(&free_run, z, &moving) }
+}
+
+/// Free parameters with one that enters no coefficient of an acceleration at nothing, or two, or all: a regression of motion that the model
+/// lacks can put a coupling of outputs, or a drag, beyond stability. Without them a run is tame; of those that are, the nearest to the data.
+fn tamed(free_run: &FreeRun<'_>, z: Vec<f64>, moving: &[bool]) -> Vec<f64> {
+    let still: Vec<usize> = (0..z.len()).filter(|j| !moving[*j]).collect();
+    let ones = still.iter().map(|j| vec![*j]);
+    let twos = still.iter().enumerate().flat_map(|(k, i)| still[k + 1..].iter().map(|j| vec![*i, *j]));
+    let without = |gone: Vec<usize>| -> Vec<f64> { (0..z.len()).map(|j| if gone.contains(&j) { 0.0 } else { z[j] }).collect() };
+    let scales = vec![1.0; free_run.model.outputs().len()];
+    let cost = |z: Vec<f64>| (free_run.cost(&free_run.point(z.clone(), Vec::new()), &scales), z);
+    for fewer in [ones.collect(), twos.collect(), vec![still.clone()]] {
+        let costs = fewer.into_iter().map(|gone| cost(without(gone))).filter(|(cost, _)| cost.is_finite());
+        if let Some((_, tame)) = costs.min_by(|a, b| a.0.total_cmp(&b.0)) {
+            return tame;
         }
     }
     z
@@ -120,4 +135,31 @@ pub(crate) fn free_values(map: &ParameterMap, theta: &[f64]) -> Vec<f64> {
     let transform = DMatrix::from_row_slice(theta.len(), map.free.len(), &map.matrix);
     let right = DVector::from_fn(theta.len(), |i, _| theta[i] - map.offset[i]);
     scaled_solve(&transform, &right).as_slice().to_vec()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::identifiability::tests::{THETA, TwoAxes, driven, thesis};
+
+    #[test]
+    fn a_start_that_runs_away_loses_as_few_parameters_as_end_that() {
+        let model = TwoAxes::new();
+        let (map, data) = (model.map(), driven(thesis, 60.0, 20.0, 0.005, 4));
+        let run = FreeRun::new(&model, &map, &data, Vec::new());
+        let runs = |z: &[f64]| run.simulate(&run.point(z.to_vec(), Vec::new())).is_ok();
+        let tame = |changes: &[(usize, f64)]| {
+            let mut wild = THETA.to_vec();
+            changes.iter().for_each(|(j, value)| wild[*j] = *value);
+            assert!(!runs(&wild), "{changes:?} was to run away");
+            let tame = simulable(&model, &map, &data, wild.clone());
+            assert!(runs(&tame), "{tame:?}");
+            (0..wild.len()).filter(|j| tame[*j] != wild[*j]).collect::<Vec<_>>()
+        };
+        assert_eq!(tame(&[(3, -30.0)]), [3]);
+        assert_eq!(tame(&[(3, -30.0), (5, -30.0)]), [3, 5]);
+        // A time constant below nothing gets its plausible size, and what runs away with that is taken away besides.
+        assert_eq!(tame(&[(0, -0.1), (4, -90.0)]), [0, 4]);
+        assert_eq!(simulable(&model, &map, &data, THETA.to_vec()), THETA, "what runs stays as it is");
+    }
 }
