@@ -1,5 +1,6 @@
 //! From a finished search to what is said: findings, proof, verdict.
 
+use statrs::distribution::{ChiSquared, ContinuousCDF};
 use wheelwright_core::Dataset;
 use wheelwright_core::effect::{Confusion, Effect, Estimate, Scene, Stage};
 use wheelwright_core::simulation::Readout;
@@ -15,7 +16,7 @@ use crate::fit::algebra::Directions;
 use crate::fit::search::Fit;
 use crate::fit::setting::Runner;
 use crate::fit::setting::Setting;
-use crate::holdout::{BorneOut, Explanation, Ground, Proof, Runs, Transfer, foreign, loss, shifted, transfer};
+use crate::holdout::{BorneOut, Explanation, Ground, Proof, Runs, Transfer, foreign, losses, shifted, transfer};
 use crate::leeway::moved;
 use crate::noise::Noise;
 use crate::question::{DiagnosisError, Question};
@@ -35,8 +36,8 @@ const ALWAYS: &str = "always";
 /// Rivals up to here are mentioned.
 pub(crate) const MENTIONED: f64 = 10.0;
 
-/// What parameters may cost on the training data, in twice the log-likelihood, to be where held-out data have them: as much as decides nothing.
-const AFFORDABLE: f64 = MENTIONED;
+/// Chance with which the true parameters cost more on the training data, in twice the log-likelihood, than they may to be where held-out data have them.
+const UNLUCKY: f64 = 1e-3;
 
 /// Ratio of a rest's deviation to that of its innovations above which it is no noise: its past tells fifteen sixteenths of its variance.
 const SLOW: f64 = 4.0;
@@ -291,9 +292,9 @@ impl Proven {
         let jitter = search.jitter(selected);
         // What was reached is possible.
         let ceiling = (0..noise.len()).map(|c| ground.ceiling(c, noise[c]).max(after.fit[c])).collect();
-        let left = [&before, &after].map(|proof| loss(&shifted, &proof.simulated, noise, jitter));
+        let left = [&before, &after].map(|proof| losses(&shifted, &proof.simulated, noise, jitter));
         let runs = Runs { training: (question.training, &trained.simulated), held_out: (&shifted, &after.simulated), noise, jitter };
-        let training = runs.floor();
+        let floor = runs.floor();
         let withouts: Vec<Option<(&State, Proof)>> = rests.iter().map(|r| r.as_ref().map(|r| (r, on(&shifted, &scene, r)))).collect();
         let refuted = |(rest, without): &(&State, Proof)| {
             let gain = search.gain(&selected.state.fit, rest);
@@ -301,14 +302,16 @@ impl Proven {
         };
         let with_leeway = || {
             let leeway = moved(search, &selected.state, &shifted, &scene, &selected.whitening.noise);
-            leeway.filter(|there| there.cost < AFFORDABLE).map(|there| loss(&shifted, &there.simulated, noise, jitter))
+            leeway
+                .filter(|there| there.cost < affordable(selected.state.fit.rank(setting)))
+                .map(|there| losses(&shifted, &there.simulated, noise, jitter))
         };
-        made.transfer = match transfer(left[0], left[1], training) {
+        made.transfer = match transfer(&left[0], &left[1], &floor) {
             _ if withouts.iter().flatten().any(refuted) => Transfer::Fails,
-            Transfer::Fails if with_leeway().is_some_and(|after| transfer(left[0], after, training) == Transfer::Holds) => Transfer::Open,
+            Transfer::Fails if with_leeway().is_some_and(|after| transfer(&left[0], &after, &floor) == Transfer::Holds) => Transfer::Open,
             as_fitted => as_fitted,
         };
-        made.foreign = foreign(left[1], training);
+        made.foreign = foreign(&left[1], &floor);
         made.waterfall = waterfall(story, &before, &after, &|state| on(&shifted, &scene, state).fit);
         let gained = |(_, without): &(&State, Proof)| {
             let gains: Vec<f64> = after.fit.iter().zip(&without.fit).map(|(a, b)| a - b).filter(|g| g.is_finite()).collect();
@@ -320,6 +323,11 @@ impl Proven {
         made.fits = Fits { before: before.fit, after: after.fit, noise_ceiling: Some(ceiling), narx };
         made
     }
+}
+
+/// What so many parameters cost at their true values, but for bad luck: chi-squared.
+fn affordable(freedom: usize) -> f64 {
+    ChiSquared::new(freedom.max(1) as f64).map_or(0.0, |cost| cost.inverse_cdf(1.0 - UNLUCKY))
 }
 
 /// The time by which a held-out recording's clock is moved. One that goes on where the training data end has its clock. Of another

@@ -7,7 +7,7 @@ use crate::holdout::Transfer;
 use crate::residuals::Flag;
 
 /// Share of the misfit that may be left over by a test without a library before an explanation is only a part of one.
-const LEFT_OVER: f64 = 0.08;
+pub(crate) const LEFT_OVER: f64 = 0.08;
 
 /// What is said where only held-out data show a mismatch.
 const FOREIGN: &str = "the held-out recording shows motion that the model misses and the training recording does not show; diagnose that \

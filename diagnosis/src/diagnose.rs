@@ -15,6 +15,7 @@ use crate::fit::layout::Layout;
 use crate::fit::search::{Effort, Fit};
 use crate::fit::setting::{Point, Runner, Setting};
 use crate::fit::whitening::Whitening;
+use crate::gauge;
 use crate::judge::{judged, widened};
 use crate::noise::Noise;
 use crate::question::{DiagnosisError, Question};
@@ -66,7 +67,7 @@ pub fn diagnose(question: &Question<'_>) -> Result<Diagnosis, DiagnosisError> {
     }
     let scene = |wheels: Wheels| Scene::new(&data, question.model, wheels.track_width, wheels.radius, headings.as_deref());
     let ordinary = Wheels { radius: question.wheel_radius, track_width: question.track_width.unwrap_or(track::ORDINARY) };
-    let (first, fitting, courses) = (scene(ordinary), [const { OnceCell::new() }; 2], [const { OnceCell::new() }; 7]);
+    let (first, fitting, courses) = (scene(ordinary), [const { OnceCell::new() }; 3], [const { OnceCell::new() }; 7]);
     let begin = |scene, course| surroundings(setting(question, &data, scene, Readout::Instantaneous), question, course);
     let mut start = begin(&first, &courses[0])?;
     let mut shown = wheels_shown(question, &start, headings.as_deref());
@@ -84,9 +85,10 @@ pub fn diagnose(question: &Question<'_>) -> Result<Diagnosis, DiagnosisError> {
             (story, shown, about) = (again, Some(wheels), closer);
         }
     }
-    warnings.extend(unknown_wheels(question, shown));
     let mut story = other_readout(story, question, &data, about, radii.as_ref(), [&courses[5], &courses[6]])?;
     story.selected = story.search.unjittered(story.selected, &story.responses);
+    let asked = gauge::asked_for(question, &mut story, headings.as_deref(), &fitting[2]);
+    warnings.extend(unknown_wheels(question, shown, asked));
     story.selected = judged(question, &story.search, story.selected, &story.responses);
     let (selected, mut rests) = story.search.settled(story.selected);
     story.selected = selected;
@@ -110,13 +112,14 @@ fn wheels_shown(question: &Question<'_>, start: &Surroundings<'_>, headings: Opt
     round.or_else(|| likeliest().map(|track_width| Wheels { radius: wheel_radius, track_width }))
 }
 
-/// What is said where radius or track of the wheels are unknown: which ones are taken.
-fn unknown_wheels(question: &Question<'_>, shown: Option<Wheels>) -> Vec<String> {
+/// What is said where radius or track of the wheels are unknown: which ones are taken, of the track perhaps one that held-out data asked for.
+fn unknown_wheels(question: &Question<'_>, shown: Option<Wheels>, asked: Option<f64>) -> Vec<String> {
     let mut all = Vec::new();
     if question.track_width.is_none() {
-        let taken = match shown {
-            Some(wheels) => format!("{} m, which fits them best", digits(wheels.track_width)),
-            None => format!("{} m", track::ORDINARY),
+        let taken = match (asked, shown) {
+            (Some(width), _) => format!("{} m, which fits them as well as any other and holds on the held-out data", digits(width)),
+            (None, Some(wheels)) => format!("{} m, which fits them best", digits(wheels.track_width)),
+            (None, None) => format!("{} m", track::ORDINARY),
         };
         all.push(format!(
             "the track width is unknown: effects at the wheels are computed with {taken}; give `--robot` to have their sizes right"

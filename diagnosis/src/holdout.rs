@@ -6,6 +6,7 @@ use wheelwright_core::simulation::Readout;
 use wheelwright_core::{Dataset, Stretch};
 
 use crate::adequacy::{Jitter, slope};
+use crate::decide::LEFT_OVER;
 use crate::noise::Noise;
 use crate::residuals::Series;
 
@@ -128,8 +129,6 @@ const NEAR: f64 = 1.15 * 1.15;
 const FOREIGN: f64 = 3.0;
 /// Ratio of losses after and before up to which an explanation of which there is nothing to see has done no harm.
 const UNHURT: f64 = 1.02;
-/// Share of the excess that must go.
-const CLOSED: f64 = 0.5;
 /// What an effect has to change on held-out data, as a sum of squares in units of the noise, for them to say anything of it.
 const VISIBLE: f64 = 10.0;
 /// Standard errors that make sure.
@@ -140,31 +139,42 @@ pub(crate) const HUBER: f64 = 2.0;
 /// Mean loss of a free run's errors over all outputs, in units of what a right model's scatter by: the noise, which stamps that jitter make
 /// louder where an output changes, and other driving changes more.
 pub(crate) fn loss(data: &Dataset, simulated: &Series, noise: &[f64], jitter: Option<Jitter>) -> f64 {
-    mean_loss(data, simulated, noise, jitter, |scaled| scaled)
+    mean(&losses(data, simulated, noise, jitter))
+}
+
+/// The same of each output.
+pub(crate) fn losses(data: &Dataset, simulated: &Series, noise: &[f64], jitter: Option<Jitter>) -> Vec<f64> {
+    mean_losses(data, simulated, noise, jitter, |scaled| scaled)
 }
 
 /// The same of what errors change by from sample to sample, as of independent ones.
-fn quick(data: &Dataset, simulated: &Series, noise: &[f64], jitter: Option<Jitter>) -> f64 {
+fn quick(data: &Dataset, simulated: &Series, noise: &[f64], jitter: Option<Jitter>) -> Vec<f64> {
     let changes = |scaled: Vec<f64>| scaled.windows(2).map(|w| (w[1] - w[0]) * std::f64::consts::FRAC_1_SQRT_2).collect();
-    mean_loss(data, simulated, noise, jitter, changes)
+    mean_losses(data, simulated, noise, jitter, changes)
 }
 
-fn mean_loss(data: &Dataset, simulated: &Series, noise: &[f64], jitter: Option<Jitter>, of: impl Fn(Vec<f64>) -> Vec<f64>) -> f64 {
+fn mean_losses(data: &Dataset, simulated: &Series, noise: &[f64], jitter: Option<Jitter>, of: impl Fn(Vec<f64>) -> Vec<f64>) -> Vec<f64> {
     let huber = |x: f64| if x <= HUBER { x * x } else { HUBER * (2.0 * x - HUBER) };
-    let (mut sum, mut count) = (0.0, 0.0_f64);
-    for (stretch, run) in data.stretches.iter().zip(simulated) {
-        for ((measured, run), noise) in stretch.outputs.iter().zip(run).zip(noise) {
-            let errors = measured.iter().zip(run).map(|(y, s)| (y - s) / noise);
+    let output = |(c, noise): (usize, &f64)| {
+        let (mut sum, mut count) = (0.0, 0.0_f64);
+        for (stretch, run) in data.stretches.iter().zip(simulated) {
+            let errors = stretch.outputs[c].iter().zip(&run[c]).map(|(y, s)| (y - s) / noise);
             let scaled: Vec<f64> = match jitter {
-                Some(jitter) => errors.zip(slope(&stretch.time, run)).map(|(x, d)| x / jitter.scatter(d, *noise)).collect(),
+                Some(jitter) => errors.zip(slope(&stretch.time, &run[c])).map(|(x, d)| x / jitter.scatter(d, *noise)).collect(),
                 None => errors.collect(),
             };
             let all = of(scaled);
             count += all.len() as f64;
             sum += all.iter().map(|x| huber(x.abs())).sum::<f64>();
         }
-    }
-    sum / count.max(1.0)
+        sum / count.max(1.0)
+    };
+    noise.iter().enumerate().map(output).collect()
+}
+
+/// Outputs have the same number of values.
+pub(crate) fn mean(losses: &[f64]) -> f64 {
+    losses.iter().sum::<f64>() / losses.len().max(1) as f64
 }
 
 /// An explanation's free runs over the data it was fitted to and over others, with what it takes for noise.
@@ -176,28 +186,30 @@ pub(crate) struct Runs<'a> {
 }
 
 impl Runs<'_> {
-    /// The loss that noise alone leaves on the other data: as on the training data, or by as much more as errors change more from sample to sample
-    /// there. Motion that is missed goes on for longer; noise with heavy tails, and jitter at steps, are not as loud on every recording.
-    pub(crate) fn floor(&self) -> f64 {
+    /// The loss that noise alone leaves of each output of the other data: as on the training data, or by as much more as errors change more from
+    /// sample to sample there. Motion that is missed goes on for longer; noise with heavy tails, and jitter at steps, are not as loud on every
+    /// recording.
+    pub(crate) fn floor(&self) -> Vec<f64> {
         let of = |(data, run): (&Dataset, &Series)| quick(data, run, self.noise, self.jitter);
-        let louder = of(self.held_out) / of(self.training);
-        loss(self.training.0, self.training.1, self.noise, self.jitter) * if louder.is_finite() { louder.max(1.0) } else { 1.0 }
+        let louder = of(self.held_out).into_iter().zip(of(self.training)).map(|(there, here)| there / here);
+        let trained = losses(self.training.0, self.training.1, self.noise, self.jitter);
+        trained.iter().zip(louder).map(|(loss, louder)| loss * if louder.is_finite() { louder.max(1.0) } else { 1.0 }).collect()
     }
 }
 
-/// Weighs losses on held-out data before and after against what noise alone leaves there.
-pub(crate) fn transfer(before: f64, after: f64, training: f64) -> Transfer {
-    if foreign(after, training) {
-        return Transfer::Fails;
-    }
-    let near = after <= NEAR * training;
-    let closed = after < before && before - after >= CLOSED * (before - training);
-    if closed || (near && after <= before * UNHURT) { Transfer::Holds } else { Transfer::Fails }
+/// Weighs the outputs' losses on held-out data before and after against what noise alone leaves there. Of no output's excess may more stay than an
+/// explanation may leave over of the data it was fitted to, unless what stays is nothing that needs explaining.
+pub(crate) fn transfer(before: &[f64], after: &[f64], floor: &[f64]) -> Transfer {
+    let unhurt = mean(after) <= mean(before) * UNHURT;
+    let output = |((before, after), floor): ((&f64, &f64), &f64)| {
+        *after <= NEAR * floor || (after < before && after - floor <= LEFT_OVER * (before - floor))
+    };
+    if unhurt && before.iter().zip(after).zip(floor).all(output) { Transfer::Holds } else { Transfer::Fails }
 }
 
 /// Whether held-out data are so far off that something moves there which the training data do not show.
-pub(crate) fn foreign(held_out: f64, training: f64) -> bool {
-    held_out > FOREIGN * training
+pub(crate) fn foreign(held_out: &[f64], floor: &[f64]) -> bool {
+    mean(held_out) > FOREIGN * mean(floor)
 }
 
 /// How much of what an effect changes on held-out data, in which it had no part, is found there.
@@ -257,14 +269,17 @@ mod tests {
 
     #[test]
     fn an_explanation_transfers_if_it_takes_the_excess_away_or_there_is_none() {
-        assert_eq!(transfer(4.0, 1.1, 1.0), Transfer::Holds, "the excess is gone");
-        assert_eq!(transfer(4.0, 3.5, 1.0), Transfer::Fails, "most of it is still there");
-        assert_eq!(transfer(40.0, 12.0, 1.0), Transfer::Fails, "what is still there is no noise, however much is gone");
-        assert_eq!(transfer(1.05, 1.04, 1.0), Transfer::Holds, "there was none");
-        assert_eq!(transfer(1.1, 1.6, 1.0), Transfer::Fails, "it has made one");
-        assert_eq!(transfer(0.7, 0.9, 1.0), Transfer::Fails, "it has made one where it was quiet");
-        assert_eq!(transfer(4.0, f64::INFINITY, 1.0), Transfer::Fails, "it diverges");
-        assert!(foreign(6.0, 1.0) && !foreign(1.5, 1.0));
+        let of = |before: f64, after: f64| transfer(&[before, 1.0], &[after, 1.0], &[1.0, 1.0]);
+        assert_eq!(of(4.0, 1.1), Transfer::Holds, "the excess is gone");
+        assert_eq!(of(4.0, 2.0), Transfer::Fails, "a third of it is still there");
+        assert_eq!(of(40.0, 3.5), Transfer::Holds, "the form of a law is never exact");
+        assert_eq!(of(40.0, 6.0), Transfer::Fails, "what is still there is more than that");
+        assert_eq!(of(1.05, 1.04), Transfer::Holds, "there was none");
+        assert_eq!(of(1.1, 1.6), Transfer::Fails, "it has made one");
+        assert_eq!(of(0.7, 0.9), Transfer::Fails, "it has made one where it was quiet");
+        assert_eq!(of(4.0, f64::INFINITY), Transfer::Fails, "it diverges");
+        assert_eq!(transfer(&[40.0, 2.5], &[1.0, 2.5], &[1.0, 1.0]), Transfer::Fails, "one output is not explained");
+        assert!(foreign(&[6.0, 1.0], &[1.0, 1.0]) && !foreign(&[1.5, 1.0], &[1.0, 1.0]));
     }
 
     /// Held-out data asked about an effect that changes them by `size` standard deviations of their noise, and of which a share is there.
@@ -298,7 +313,7 @@ mod tests {
         let trained = Case::clean(11);
         let floor = |held: &Case| {
             let runs = Runs { training: (&trained.data, &trained.truth), held_out: (&held.data, &held.truth), noise: &NOISE, jitter: None };
-            runs.floor() / loss(&trained.data, &trained.truth, &NOISE, None)
+            mean(&runs.floor()) / loss(&trained.data, &trained.truth, &NOISE, None)
         };
         let louder = Case::new(12, |_, i, y, _, random| y + 1.5 * NOISE[i] * normal(random));
         let expected = loss(&louder.data, &louder.truth, &NOISE, None) / loss(&trained.data, &trained.truth, &NOISE, None);

@@ -18,7 +18,7 @@ use wheelwright_core::effect::Scene;
 
 use crate::adequacy::Jitter;
 use crate::answer::{MENTIONED, always, clocks, proven, reach};
-use crate::holdout::{BorneOut, Runs, loss, shifted};
+use crate::holdout::{BorneOut, Runs, loss, mean, shifted};
 use crate::leeway::{Moved, moved};
 use crate::noise::Noise;
 use crate::question::Question;
@@ -120,7 +120,7 @@ fn ended(search: &Search<'_>, selected: &Selected, state: &mut State) {
 }
 
 /// Held-out data and what an explanation leaves where it was fitted.
-struct Bench<'q> {
+pub(crate) struct Bench<'q> {
     question: &'q Question<'q>,
     held: &'q Dataset,
     noise: Noise,
@@ -132,7 +132,7 @@ struct Bench<'q> {
 }
 
 impl<'q> Bench<'q> {
-    fn new(question: &'q Question<'q>, search: &Search<'_>, selected: &Selected) -> Option<Self> {
+    pub(crate) fn new(question: &'q Question<'q>, search: &Search<'_>, selected: &Selected) -> Option<Self> {
         let held = question.held_out.filter(|h| !h.stretches.is_empty())?;
         let noise = &selected.whitening.noise;
         let share = noise.innovation.iter().zip(&noise.deviation).map(|(i, d)| (i / d).powi(2)).sum::<f64>();
@@ -141,24 +141,29 @@ impl<'q> Bench<'q> {
         let mut bench = Self { question, held, noise: noise.clone(), jitter, floor: 0.0, values: share * held.samples() as f64 };
         let floor = |data: &Dataset, scene: &Scene| {
             let run = proven(search, &selected.state, data, scene).simulated;
-            Runs { training: (search.setting.data, &trained), held_out: (data, &run), noise: &noise.deviation, jitter }.floor()
+            mean(&Runs { training: (search.setting.data, &trained), held_out: (data, &run), noise: &noise.deviation, jitter }.floor())
         };
         bench.floor = bench.likeliest(search, floor);
         Some(bench)
     }
 
     /// Mean loss on the held-out data, on the likeliest clock.
-    fn loss(&self, search: &Search<'_>, state: &State) -> f64 {
+    pub(crate) fn loss(&self, search: &Search<'_>, state: &State) -> f64 {
         self.likeliest(search, |data, scene| loss(data, &proven(search, state, data, scene).simulated, &self.noise.deviation, self.jitter))
     }
 
     /// The same with the leeway that the training data leave, and what it costs there.
     fn with_leeway(&self, search: &Search<'_>, state: &State) -> f64 {
         let moved = self.likeliest(search, |data, scene| match moved(search, state, data, scene, &self.noise) {
-            Some(Moved { simulated, cost }) => loss(data, &simulated, &self.noise.deviation, self.jitter) * (cost / self.values).exp(),
+            Some(Moved { simulated, cost }) => self.with_cost(loss(data, &simulated, &self.noise.deviation, self.jitter), cost),
             None => f64::INFINITY,
         });
         moved.min(self.loss(search, state))
+    }
+
+    /// A loss with what it costs on the training data, in twice the log-likelihood.
+    pub(crate) fn with_cost(&self, loss: f64, cost: f64) -> f64 {
+        loss * (cost / self.values).exp()
     }
 
     /// The least of a loss on every clock that the held-out data may have.
@@ -192,7 +197,7 @@ impl<'q> Bench<'q> {
     }
 
     /// Whether the held-out error is decisively above that of the training data: something is imperfect there.
-    fn missed(&self, search: &Search<'_>, selected: &Selected) -> bool {
+    pub(crate) fn missed(&self, search: &Search<'_>, selected: &Selected) -> bool {
         self.decisive(self.floor, self.with_leeway(search, &selected.state))
     }
 
@@ -235,7 +240,7 @@ impl<'q> Bench<'q> {
     }
 
     /// Whether a loss is so much less than another that it is no chance.
-    fn decisive(&self, less: f64, more: f64) -> bool {
+    pub(crate) fn decisive(&self, less: f64, more: f64) -> bool {
         let excess = |loss: f64| (loss - self.floor).max(0.0);
         self.values * (more / less).ln() > MENTIONED && excess(less) <= CLOSED * excess(more)
     }

@@ -15,6 +15,7 @@ pub mod finding;
 pub mod fit;
 #[cfg(test)]
 mod fixture;
+mod gauge;
 mod holdout;
 mod judge;
 mod leeway;

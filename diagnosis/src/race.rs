@@ -204,6 +204,7 @@ impl<'a> Search<'a> {
             let fit = maximise(&self.setting, &mut runner, whitening, fit, effort, false);
             let look = Look { effects: &indices, member: indices.len() - 1, others: Others::Detours };
             let fit = self.detour(look, &mut runner, whitening, fit, effort);
+            let fit = self.in_turn(effect, &mut runner, whitening, fit, effort);
             let gain = fit.likelihood(&self.setting) - before;
             let freedom = self.freedom(&indices, &fit) - freedom;
             refined.push(Refined { effect, fit, freedom, score: gain - self.penalty(freedom) });
@@ -389,6 +390,23 @@ impl<'a> Search<'a> {
             fit = maximise(&self.setting, runner, whitening, there, effort, false);
         }
         fit
+    }
+
+    /// The best of a fit and, where its last member lags in series with the model, of those in which the two change places, on one axis or another: what
+    /// couples the outputs tells which is which, but from the wrong way round no small step leads to the right one.
+    fn in_turn(&self, last: usize, runner: &mut Runner<'_, '_>, whitening: &Whitening, fit: Fit, effort: Effort) -> Fit {
+        let axes = self.setting.layout.outputs();
+        if !self.effect(last).in_series() || self.effect(last).parameters(self.setting.scene).len() != axes {
+            return fit;
+        }
+        let exchanged = (1..1_u32 << axes).filter_map(|which| {
+            let x = self.setting.exchanged(&fit.point.x, axes, |axis| which >> axis & 1 == 1)?;
+            let there = evaluate(&self.setting, runner, whitening, &Point { x, starts: fit.point.starts.clone() })?;
+            Some(maximise(&self.setting, runner, whitening, there, effort, false))
+        });
+        let likelihood = |fit: &Fit| fit.likelihood(&self.setting);
+        let best = exchanged.reduce(|a, b| if likelihood(&b) > likelihood(&a) { b } else { a });
+        best.filter(|best| likelihood(best) > likelihood(&fit) + EXCHANGE).unwrap_or(fit)
     }
 
     /// A fit with a look at the other values of the members that were there before the last: what it explains now may have led them astray.

@@ -19,7 +19,7 @@ use crate::select::{COMPARING, Search, State};
 /// Track width that is taken where none is known and none shows \[m\].
 pub(crate) const ORDINARY: f64 = 0.35;
 /// Half octaves by which it is narrowed and widened: to a robot on a desk, to a car.
-const HALF_OCTAVES: [i32; 8] = [-4, -3, -2, -1, 1, 2, 3, 4];
+pub(crate) const HALF_OCTAVES: [i32; 8] = [-4, -3, -2, -1, 1, 2, 3, 4];
 /// The family of dry frictions.
 const DRY: &str = "friction";
 /// Effects that are screened at other widths than the ordinary one, beside dry frictions.
@@ -158,7 +158,7 @@ fn worth_a_look(search: &Search<'_>, promised: &[Promise]) -> Vec<usize> {
 }
 
 /// Where a function of one hump is highest, and how high.
-fn highest(mut of: impl FnMut(f64) -> f64, mut from: f64, mut to: f64) -> (f64, f64) {
+pub(crate) fn highest(mut of: impl FnMut(f64) -> f64, mut from: f64, mut to: f64) -> (f64, f64) {
     let mut at = |x: f64| (x, of(x));
     let (mut low, mut high) = (at(to - GOLDEN * (to - from)), at(from + GOLDEN * (to - from)));
     for _ in 2..SECTIONS {

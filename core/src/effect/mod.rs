@@ -233,6 +233,12 @@ pub trait Effect: Debug + Send + Sync {
         Vec::new()
     }
 
+    /// Whether its values are the time constants \[s\] of lags in series with the model's own, one for each input: linear motion does not tell
+    /// which of the two is which.
+    fn in_series(&self) -> bool {
+        false
+    }
+
     /// Other values worth a look once everything else has been found: of a part that is too rare to be looked for while something else is missing,
     /// which it would stand in for.
     fn afterthoughts(&self, _values: &[f64], _scene: &Scene) -> Vec<Vec<f64>> {

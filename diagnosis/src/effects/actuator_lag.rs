@@ -99,6 +99,10 @@ impl Effect for ActuatorLag {
         lags.iter().flat_map(|start| seconds.iter().map(|second| with(start, *second))).collect()
     }
 
+    fn in_series(&self) -> bool {
+        self.each_axis && !self.resonant
+    }
+
     fn statement(&self, values: &[Estimate], scene: &Scene) -> String {
         if self.servo {
             let time = quantity(values[0], "s");

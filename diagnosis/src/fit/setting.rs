@@ -6,7 +6,7 @@ use nalgebra::{DMatrix, DVector};
 use wheelwright_core::Dataset;
 use wheelwright_core::effect::{Effect, EffectParameter, EffectSimulator, Scene};
 use wheelwright_core::least_squares::Limits;
-use wheelwright_core::model::{ModelError, ParameterMap, RegressorModel};
+use wheelwright_core::model::{ModelError, ParameterMap, RegressorModel, Sample};
 use wheelwright_core::simulation::{Readout, linear_part};
 
 use super::layout::Layout;
@@ -75,15 +75,49 @@ impl<'a> Setting<'a> {
         self.work.get() > self.most_steps
     }
 
+    /// Rates \[1/s\] at which the outputs of the model at these parameters change by themselves; none where it cannot be evaluated.
+    fn rates(&self, theta: &[f64]) -> Option<Vec<f64>> {
+        let n = self.layout.outputs();
+        let mut linear = vec![0.0; n * n];
+        linear_part(self.model, theta, &mut linear).ok()?;
+        Some((0..n).map(|i| linear[i * n + i]).collect())
+    }
+
     /// Fastest rate at which an output of the model at these unknowns follows, per sampling interval.
     pub(crate) fn rate(&self, x: &[f64]) -> f64 {
-        let n = self.layout.outputs();
-        let theta = self.map.theta(&x[..self.free()]);
-        let mut linear = vec![0.0; n * n];
-        match linear_part(self.model, &theta, &mut linear) {
-            Ok(_) => (0..n).map(|i| linear[i * n + i].abs()).fold(0.0, f64::max) * self.scene.scales.period,
-            Err(_) => f64::INFINITY,
+        let rates = self.rates(&self.map.theta(&x[..self.free()]));
+        rates.map_or(f64::INFINITY, |rates| rates.iter().map(|r| r.abs()).fold(0.0, f64::max) * self.scene.scales.period)
+    }
+
+    /// Unknowns of which the last are time constants, one an axis, with those of some axes in the place of the model's own and these in theirs; none
+    /// where the model has none, or its parameters do not let go of them.
+    pub(crate) fn exchanged(&self, x: &[f64], axes: usize, which: impl Fn(usize) -> bool) -> Option<Vec<f64>> {
+        let (free, mut exchanged) = (self.free(), x.to_vec());
+        let theta = self.map.theta(&x[..free]);
+        let rates = self.rates(&theta)?;
+        for axis in (0..axes).filter(|axis| which(*axis)) {
+            let (lag, own) = (x[x.len() - axes + axis], -1.0 / rates[axis]);
+            if !(own > 0.0 && own.is_finite() && lag > 0.0) {
+                return None;
+            }
+            exchanged[x.len() - axes + axis] = own;
+            for j in self.accelerating(axis) {
+                let along = |z: &usize| self.map.matrix[j * free + z];
+                let z = (0..free).find(|z| along(z) != 0.0)?;
+                exchanged[z] += theta[j] * (lag / own - 1.0) / along(&z);
+            }
         }
+        Some(exchanged)
+    }
+
+    /// Parameters that an acceleration of one output asks for command by.
+    fn accelerating(&self, output: usize) -> Vec<usize> {
+        let (equations, parameters) = (self.model.equations(), self.model.parameters().len());
+        let (inputs, outputs) = (vec![0.0; self.model.inputs().len()], vec![0.0; self.model.outputs().len()]);
+        let (mut accelerations, mut phi, mut y) = (outputs.clone(), vec![0.0; equations * parameters], vec![0.0; equations]);
+        accelerations[output] = 1.0;
+        self.model.regressor(Sample { inputs: &inputs, outputs: &outputs, accelerations: &accelerations }, &mut phi, &mut y);
+        (0..parameters).filter(|j| (0..equations).any(|e| phi[e * parameters + j] != 0.0)).collect()
     }
 
     /// Fastest rate that a search may look at that goes on from a point.
