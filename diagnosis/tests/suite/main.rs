@@ -10,6 +10,7 @@ mod diagnose;
 mod documentation;
 mod drive;
 mod dynamics;
+mod elsewhere;
 mod forward;
 mod heading;
 mod library;

@@ -1,0 +1,53 @@
+//! What training data leave open between two places far from each other.
+
+use rand::SeedableRng;
+use rand::rngs::StdRng;
+use wheelwright_core::ModelConfig;
+use wheelwright_core::effect::Effect;
+use wheelwright_diagnosis::effects::{ActuatorLag, VelocitySaturation};
+use wheelwright_diagnosis::{Question, Verdict, diagnose};
+use wheelwright_models::VwPdConfig;
+
+use super::drive::{Drive, blur};
+use super::recorded::{NOISE, commands, driven};
+
+/// Two lags in series are one mathematics either way round, but for what couples the outputs behind the first.
+#[test]
+fn a_lag_is_told_from_the_models_own() {
+    let (model, hidden) = (VwPdConfig::default().build().unwrap(), ActuatorLag::default());
+    let drive = Drive { samples: 1600, change: 0.05, forward: 0.0..0.8, turning: -2.0..2.0, seed: 21 };
+    let (mut data, mut random) = drive.driven(&*model, &[0.08, 0.05, 0.0, 1.0, 0.3, 1.0], 0.34, &hidden, &[0.19]);
+    blur(&mut data, [0.004, 0.012], &mut random);
+    let library: Vec<Box<dyn Effect>> =
+        vec![Box::new(ActuatorLag::default()), Box::new(ActuatorLag { each_axis: true, ..ActuatorLag::default() })];
+    let mut question = Question::new(&*model, &data, &library);
+    question.track_width = Some(0.34);
+    let answer = diagnose(&question).unwrap();
+    let found = &answer.effects[0].values;
+    assert!(answer.effects.len() == 1 && found.iter().all(|lag| (lag - 0.19).abs() < 0.01), "{}", answer.headline);
+}
+
+/// A limit that the wheels reach on straight ways only has a size at every track; turns tell the right one.
+#[test]
+fn a_track_that_only_held_out_driving_shows_is_taken_from_it() {
+    let (model, hidden) = (VwPdConfig::default().build().unwrap(), VelocitySaturation::default());
+    let recorded = |seed: u64, straight: bool| {
+        let mut random = StdRng::seed_from_u64(seed);
+        let mut stretch = commands(&mut random, 1600, true);
+        let [forward, turning] = &mut stretch.inputs[..] else { panic!("two commands") };
+        for (v, w) in forward.iter_mut().zip(turning) {
+            *w *= if straight && *v > 0.2 { 0.0 } else { 0.5 };
+            *v = v.max(0.0);
+        }
+        driven(NOISE, 0.9, &mut random, stretch, &[(&hidden, &[0.4])], 0.0)
+    };
+    let (data, held) = (recorded(31, true), recorded(32, false));
+    let library: Vec<Box<dyn Effect>> = vec![Box::new(VelocitySaturation::default())];
+    let mut question = Question::new(&*model, &data, &library);
+    question.held_out = Some(&held);
+    let answer = diagnose(&question).unwrap();
+    assert_eq!(answer.verdict, Verdict::Explained, "{} {:?}", answer.headline, answer.warnings);
+    let said = answer.warnings.iter().find(|w| w.contains("holds on the held-out data")).unwrap();
+    let width: f64 = said.split(" m, which").next().unwrap().rsplit(' ').next().unwrap().parse().unwrap();
+    assert!((width / 0.9 - 1.0).abs() < 0.06, "{said}");
+}
