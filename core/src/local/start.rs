@@ -5,7 +5,7 @@ use nalgebra::{DMatrix, DVector};
 use super::{FreeRun, Point, plausible, scaled_solve};
 use crate::dataset::Dataset;
 use crate::identifiability::term::Term;
-use crate::model::{ParameterMap, RegressorModel};
+use crate::model::{Parameter, ParameterMap, RegressorModel};
 use crate::regression::{self, Form, Settings};
 use crate::solver::SolveError;
 
@@ -65,15 +65,18 @@ pub(crate) fn rough_start(model: &dyn RegressorModel, map: &ParameterMap, data: 
     Ok(simulable(model, map, data, regression_start(model, map, data)?))
 }
 
-/// Replaces coefficients of accelerations that the data left at zero or below, with which nothing can be simulated, by their
+/// Replaces coefficients of accelerations that the data left at zero or below, with which no robot can be simulated, by their
 /// plausible size at a time constant of ten periods; and if it runs away all the same, puts as few other parameters at nothing as end that.
 pub(crate) fn simulable(model: &dyn RegressorModel, map: &ParameterMap, data: &Dataset, mut z: Vec<f64>) -> Vec<f64> {
     let free_run = FreeRun::new(model, map, data, Vec::new());
     let runs = |z: &[f64]| free_run.simulate(&free_run.point(z.to_vec(), Vec::new())).is_ok();
-    if runs(&z) {
+    let theta = map.theta(&z);
+    // Where a coupling of outputs catches what a time constant below nothing drives away, a run stays in range, and the next step of a fit does not.
+    let backwards =
+        |(j, parameter): (usize, &Parameter)| theta[j] < 0.0 && parameter.bounds.0 >= 0.0 && !Term::of(model, j).accelerations.is_empty();
+    if !model.parameters().iter().enumerate().any(backwards) && runs(&z) {
         return z;
     }
-    let theta = map.theta(&z);
     let sizes = plausible(model, data, &vec![0.0; theta.len()]);
     let free = map.free.len();
     let mut moving = vec![false; free];
@@ -161,5 +164,18 @@ mod tests {
         // A time constant below nothing gets its plausible size, and what runs away with that is taken away besides.
         assert_eq!(tame(&[(0, -0.1), (4, -90.0)]), [0, 4]);
         assert_eq!(simulable(&model, &map, &data, THETA.to_vec()), THETA, "what runs stays as it is");
+    }
+
+    #[test]
+    fn a_time_constant_below_nothing_is_no_start_though_it_stays_in_range() {
+        let model = TwoAxes::new();
+        let (map, data) = (model.map(), driven(thesis, 60.0, 20.0, 0.005, 4));
+        let run = FreeRun::new(&model, &map, &data, Vec::new());
+        // What turns away faster and faster pushes the robot backwards, and backwards it is held.
+        let caught = [0.13, -0.1, -0.003, 1.25, 16.0, 0.4];
+        assert!(run.simulate(&run.point(caught.to_vec(), Vec::new())).is_ok());
+        let start = simulable(&model, &map, &data, caught.to_vec());
+        assert!(start[1] > 0.01, "{start:?}");
+        assert!((0..6).all(|j| j == 1 || start[j] == caught[j]), "{start:?}");
     }
 }
