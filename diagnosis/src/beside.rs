@@ -24,6 +24,8 @@ const SMALLEST_MISMATCH: f64 = 0.005;
 const SMALLEST_TRACK: f64 = 0.01;
 /// Least track error against a profile whose track and radius a person measured to 2 %.
 const MEASURED_TRACK: f64 = 0.03;
+/// Largest standard error, as a share, of a dimension that recorded rates tell: as well as a person measures it.
+const MEASURED: f64 = 0.02;
 /// Fewest seconds that are compared.
 const FEWEST: usize = 20;
 
@@ -125,8 +127,50 @@ fn by_heading(question: &Question<'_>, headings: &[Vec<f64>], h: f64) -> Option<
     Some(Relation { coupling: of(0, 0.0), turning: of(1, 1.0) })
 }
 
-/// Recorded velocities against those of the wheels by the robot's dimensions, in means over a second.
+/// Recorded velocities against those of the wheels by the robot's dimensions.
 fn by_wheels(question: &Question<'_>, rates: &[[Vec<f64>; 2]], h: f64, radius: f64) -> Option<Relation> {
+    let Rolled { found, error } = rolled(question, rates, h, radius)?;
+    // Both equations tell the coupling: by their precision.
+    let weights = [error[(1, 0)].powi(-2), error[(0, 1)].powi(-2)];
+    let coupling = (found[(1, 0)] * weights[0] + found[(0, 1)] * weights[1]) / (weights[0] + weights[1]);
+    let forward = found[(0, 0)];
+    // A radius that both wheels share scales both alike.
+    let turning = Measured {
+        value: found[(1, 1)] / forward - 1.0,
+        error: (error[(1, 1)] / forward).hypot(error[(0, 0)] * found[(1, 1)] / (forward * forward)),
+    };
+    Some(Relation { coupling: Measured { value: coupling, error: (weights[0] + weights[1]).powf(-0.5) }, turning })
+}
+
+/// What a robot's geometry takes.
+pub(crate) struct Dimensions {
+    /// Rolling radius of the wheels \[m\].
+    pub(crate) wheel_radius: f64,
+    /// Distance between them \[m\].
+    pub(crate) track_width: f64,
+}
+
+/// Radius and track of wheels that nobody measured, as their own rates tell them beside the velocities of the robot.
+pub(crate) fn dimensions(question: &Question<'_>) -> Option<Dimensions> {
+    let rates = question.training_wheel_rates.as_ref().filter(|_| question.track_width.is_none())?;
+    if !matches!(Frame::of(question.model, 1.0), Frame::Body { .. }) {
+        return None;
+    }
+    let Rolled { found, error } = rolled(question, rates, 1.0, 1.0)?;
+    let sure = |i: usize| found[(i, i)] > 0.0 && error[(i, i)] < MEASURED * found[(i, i)];
+    let radius = found[(0, 0)];
+    (sure(0) && sure(1))
+        .then(|| Dimensions { wheel_radius: question.wheel_radius.unwrap_or(radius), track_width: 2.0 * radius / found[(1, 1)] })
+}
+
+/// What recorded v and h ω (columns) are of the wheels' means and half differences (rows), and the standard errors.
+struct Rolled {
+    found: Matrix2<f64>,
+    error: Matrix2<f64>,
+}
+
+/// Recorded velocities regressed on the wheels' rates, in means over a second.
+fn rolled(question: &Question<'_>, rates: &[[Vec<f64>; 2]], h: f64, radius: f64) -> Option<Rolled> {
     let mut rows: Vec<(Vector2<f64>, Vector2<f64>)> = Vec::new();
     for (s, range) in blocks(question.training, 1.0) {
         let (stretch, rates) = (&question.training.stretches[s], rates.get(s)?);
@@ -145,21 +189,11 @@ fn by_wheels(question: &Question<'_>, rates: &[[Vec<f64>; 2]], h: f64, radius: f
     let square = rows.iter().fold(Matrix2::zeros(), |a, (x, _)| a + x * x.transpose());
     let inverse: Matrix2<f64> = square.try_inverse()?;
     let right = rows.iter().fold(Matrix2::zeros(), |a, (x, y)| a + x * y.transpose());
-    // Columns: coefficients of v and of h ω.
     let found = inverse * right;
     let left = rows.iter().fold(Vector2::zeros(), |a: Vector2<f64>, (x, y)| a + (y - found.transpose() * x).map(|r| r * r));
     let variance = left / (rows.len() - 2) as f64;
-    let error = |i: usize, j: usize| (variance[j] * inverse[(i, i)]).sqrt().max(f64::MIN_POSITIVE);
-    // Both equations tell the coupling: by their precision.
-    let weights = [error(1, 0).powi(-2), error(0, 1).powi(-2)];
-    let coupling = (found[(1, 0)] * weights[0] + found[(0, 1)] * weights[1]) / (weights[0] + weights[1]);
-    let rolled = found[(0, 0)];
-    // A radius that both wheels share scales both alike.
-    let turning = Measured {
-        value: found[(1, 1)] / rolled - 1.0,
-        error: (error(1, 1) / rolled).hypot(error(0, 0) * found[(1, 1)] / (rolled * rolled)),
-    };
-    Some(Relation { coupling: Measured { value: coupling, error: (weights[0] + weights[1]).powf(-0.5) }, turning })
+    let error = Matrix2::from_fn(|i, j| (variance[j] * inverse[(i, i)]).sqrt().max(f64::MIN_POSITIVE));
+    Some(Rolled { found, error })
 }
 
 /// A track error as a finding. Where a heading tells it, the recorded angular velocity is (1 + t) times the true one; where the wheels

@@ -90,3 +90,20 @@ fn wheels_tell_against_the_robots_own_motion_beyond_what_a_person_measures() {
     let (_, rates) = others(&case, |_, w| w, wheels(0.0, 1.02));
     assert!(ask(&case, None, Some(rates), "").track.is_none());
 }
+
+#[test]
+fn wheels_tell_dimensions_that_nobody_measured() {
+    let case = Case::clean(23);
+    let (_, rates) = others(&case, |_, w| w, |v, w| [v - H * w, v + H * w]);
+    let model = VwPdConfig::default().build().unwrap();
+    let library = library();
+    let mut question = Question::new(&*model, &case.data, &library);
+    assert!(dimensions(&question).is_none());
+    question.training_wheel_rates = Some(rates);
+    let found = dimensions(&question).unwrap();
+    assert!((found.wheel_radius / RADIUS - 1.0).abs() < 0.005, "{}", found.wheel_radius);
+    assert!((found.track_width / TRACK - 1.0).abs() < 0.005, "{}", found.track_width);
+    // What a person measured stands.
+    question.track_width = Some(1.1 * TRACK);
+    assert!(dimensions(&question).is_none());
+}

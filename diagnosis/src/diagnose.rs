@@ -7,7 +7,7 @@ use wheelwright_core::effect::{Effect, Scene, Stage};
 use wheelwright_core::simulation::Readout;
 
 use crate::answer::{Means, Story, tell};
-use crate::beside::Beside;
+use crate::beside::{Beside, Dimensions, dimensions};
 use crate::effects::{LATENESS, digits};
 use crate::finding::Diagnosis;
 use crate::fit::base::{fit, renew};
@@ -56,8 +56,10 @@ pub(crate) type Known = (Box<dyn Effect>, f64);
 /// [`DiagnosisError`]: what makes an answer impossible, with numbers.
 pub fn diagnose(question: &Question<'_>) -> Result<Diagnosis, DiagnosisError> {
     check(question)?;
-    let (data, headings) = thinned(question);
     let mut warnings = Vec::new();
+    let told = dimensions(question).map(|told| measured(question, &told, &mut warnings));
+    let question = told.as_ref().unwrap_or(question);
+    let (data, headings) = thinned(question);
     if data.samples() < question.training.samples() {
         warnings.push(format!(
             "{} of {} samples were diagnosed, in pieces spread evenly over the recording",
@@ -101,6 +103,17 @@ pub fn diagnose(question: &Question<'_>) -> Result<Diagnosis, DiagnosisError> {
         warnings.push(STOPPED.to_owned());
     }
     tell(question, story, &rests, track, warnings)
+}
+
+/// A question with the dimensions that the wheels' own rates tell.
+fn measured<'a>(question: &Question<'a>, told: &Dimensions, warnings: &mut Vec<String>) -> Question<'a> {
+    let Dimensions { wheel_radius, track_width } = *told;
+    warnings.push(format!(
+        "the robot's dimensions are unknown: the wheels' own rates tell a track width of {} m and a wheel radius of {} m, which are taken",
+        digits(track_width),
+        digits(wheel_radius)
+    ));
+    Question { track_width: Some(track_width), wheel_radius: Some(wheel_radius), ..question.clone() }
 }
 
 /// Radius and track of the wheels where the recording has to tell them and does: by what returns with their way, or else the track alone by
@@ -152,12 +165,14 @@ fn other_readout<'a>(
     }
     let mut other = setting(question, data, scene, Readout::IntervalMean);
     let Ok(base) = fit(&mut other, question) else { return Ok(story) };
+    // Speeds that come in whole counts of the wheels say themselves that counts are differenced.
+    let counted = story.search.counted(&story.selected);
     // Under the same white noise as the first base fit.
-    if base.likelihood(&other) <= story.first {
+    if !counted && base.likelihood(&other) <= story.first {
         return Ok(story);
     }
-    // It is one of the library's names, and was looked for among them.
-    let sought = story.search.penalty(1.0) - story.search.log_values();
+    // Else it is one of the library's names, and was looked for among them.
+    let sought = if counted { 0.0 } else { story.search.penalty(1.0) - story.search.log_values() };
     if plainer(&story, &other, &base).is_none_or(|plainer| plainer - sought <= story.evidence()) {
         return Ok(story);
     }

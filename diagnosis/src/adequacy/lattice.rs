@@ -62,7 +62,7 @@ pub struct Counts {
     pub travel: f64,
     /// How much of the values agrees with it: 1 is all.
     pub coherence: f64,
-    /// Variance that counting makes as a share of the wheels' noise.
+    /// Variance that counting makes as a share of the wheels' noise: two counts are differenced, each rounded by itself.
     pub share: f64,
 }
 
@@ -147,7 +147,7 @@ fn of_wheels(comparison: &Comparison<'_>, frame: Frame) -> Option<Counts> {
     };
     let found = left.iter().zip(&right).zip(&forward).filter_map(|((l, r), f)| of(((&l.1, &r.1), &f.1)));
     let (quantum, coherence) = found.reduce(|a, b| if b.1 > a.1 { b } else { a })?;
-    Some(Counts { travel: quantum * comparison.scene.scales.period, coherence, share: (quantum / noise).powi(2) / 12.0 })
+    Some(Counts { travel: quantum * comparison.scene.scales.period, coherence, share: (quantum / noise).powi(2) / 6.0 })
 }
 
 /// As many pairs as are enough, in the order of what was measured, without zeros.

@@ -116,6 +116,11 @@ pub(crate) fn jittered<T>(comparison: &Comparison<'_>, ask: impl FnOnce(Jitter, 
     jitter::find(comparison).map(|found| ask(found, comparison))
 }
 
+/// Whether the wheels' speeds come in whole counts.
+pub(crate) fn counted(comparison: &Comparison<'_>) -> bool {
+    lattice::counts(comparison, &lattice::find(comparison)).is_some()
+}
+
 /// Asks a test that looks at the whitened rest of a free run alone, which leaves `left`.
 pub(crate) fn whitened<T>(
     data: &Dataset,

@@ -101,7 +101,7 @@ pub use slew_limit::SlewLimit;
 pub use slope::Slope;
 pub use stribeck_friction::StribeckFriction;
 pub use timestamp_jitter::TimestampJitter;
-pub use torque_saturation::TorqueSaturation;
+pub use torque_saturation::{TorqueLaw, TorqueSaturation};
 pub use track_width_error::TrackWidthError;
 pub use turning_scrub::{ScrubLaw, TurningScrub};
 pub use velocity_saturation::VelocitySaturation;
@@ -145,7 +145,8 @@ fn command_side() -> Vec<Box<dyn Effect>> {
         Box::new(VelocitySaturation { soft: true, ..VelocitySaturation::default() }),
         Box::new(VelocitySaturation { together: true, ..VelocitySaturation::default() }),
         Box::new(TorqueSaturation::default()),
-        Box::new(TorqueSaturation { axes: true }),
+        Box::new(TorqueSaturation { law: TorqueLaw::Power }),
+        Box::new(TorqueSaturation { law: TorqueLaw::Axes }),
         Box::new(GainAsymmetry::default()),
         Box::new(GainAsymmetry { servo: true }),
         Box::new(BatterySag::default()),

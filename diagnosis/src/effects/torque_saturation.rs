@@ -18,18 +18,49 @@ use super::words::quantity;
 /// times as much; its back-EMF is the wheel's own. In voltages, and for channels of which nothing is known, the limit cuts what is left for
 /// acceleration when friction and back-EMF have taken theirs: a current limit but for the share that friction needs.
 ///
-/// A controller of forward and angular velocity may limit what it asks of either axis, whatever that comes to at a wheel: with `axes` |v_ref − v| and
-/// |ω_ref − ω| are cut, each at a limit of its own.
+/// A controller of forward and angular velocity may limit what it asks of either axis, whatever that comes to at a wheel: with the law `axes`
+/// |v_ref − v| and |ω_ref − ω| are cut, each at a limit of its own.
+///
+/// A driver or an engine may have no more than some power to give: with the law `power` the limit at a wheel is m up to a base speed s_b and m s_b/|s|
+/// above it, constant torque and then constant power.
 #[derive(Debug, Clone, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct TorqueSaturation {
-    /// Whether each axis is limited by itself. Default `false`: each wheel is.
-    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
-    pub axes: bool,
+    /// What is limited. Default `wheels`.
+    #[serde(default)]
+    pub law: TorqueLaw,
 }
 
+/// What a limit of torque bounds.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum TorqueLaw {
+    /// What each wheel's drive pulls.
+    #[default]
+    Wheels,
+    /// The same, and its power.
+    Power,
+    /// What is asked of each axis.
+    Axes,
+}
+
+/// Base speeds that are tried, as shares of a typical speed, and limits up to them, as shares of a typical command.
+const BASES: [f64; 2] = [0.25, 0.7];
+const UP_TO_THEM: [f64; 2] = [0.3, 1.0];
 /// Back-EMF in terms of a loop's gain on most robots: what their speed falls short of the command.
 const BACK_EMF: f64 = 0.05;
+
+impl TorqueSaturation {
+    /// Where a limit of power is tried.
+    fn powers(&self, scene: &Scene) -> Vec<Start> {
+        let at = |limit: f64, base: f64| Start {
+            values: vec![limit * scene.scales.command, 1.0, 0.0, base * scene.scales.speed],
+            columns: vec![vec![0]],
+            linear: false,
+        };
+        BASES.iter().flat_map(|base| UP_TO_THEM.map(|limit| at(limit, *base))).collect()
+    }
+}
 
 #[typetag::serde(name = "torque_saturation")]
 impl Effect for TorqueSaturation {
@@ -38,7 +69,12 @@ impl Effect for TorqueSaturation {
     }
 
     fn about(&self) -> String {
-        if self.axes { "what drives forwards and what turns are limited".to_owned() } else { "the drives' force is limited".to_owned() }
+        let limited = match self.law {
+            TorqueLaw::Wheels => "the drives' force is limited",
+            TorqueLaw::Power => "the drives' force and power are limited",
+            TorqueLaw::Axes => "what drives forwards and what turns are limited",
+        };
+        limited.to_owned()
     }
 
     fn stage(&self) -> Stage {
@@ -46,12 +82,12 @@ impl Effect for TorqueSaturation {
     }
 
     fn inapplicable(&self, scene: &Scene) -> Option<String> {
-        if self.axes { force::needs_loops(scene) } else { None }
+        if self.law == TorqueLaw::Wheels { None } else { force::needs_loops(scene) }
     }
 
-    /// It bounds forward acceleration and turning as limits at the wheels do, but for where both are asked for.
+    /// The others bound forward acceleration and turning as limits at the wheels do, but for where both are asked for, or at speed.
     fn stands_in(&self) -> bool {
-        self.axes
+        self.law != TorqueLaw::Wheels
     }
 
     fn parameters(&self, scene: &Scene) -> Vec<EffectParameter> {
@@ -62,14 +98,19 @@ impl Effect for TorqueSaturation {
         };
         let each = || scene.inputs.iter().zip(&scene.scales.inputs);
         match scene.frame {
-            Frame::Body { .. } if self.axes => each()
+            Frame::Body { .. } if self.law == TorqueLaw::Axes => each()
                 .zip(["v", "omega"])
                 .map(|((channel, typical), axis)| limit("limit", &channel.unit, *typical).of("axis", axis))
                 .collect(),
             Frame::Body { .. } => {
                 let ratio = EffectParameter::new("turning_ratio", "1", (0.2, 4.0), 0.3);
                 let back_emf = EffectParameter::new("back_emf", "1", (-1.0, 1.0), 0.4 * BACK_EMF).usually(0.0, BACK_EMF);
-                vec![limit("limit", "m/s", typical), ratio, back_emf]
+                let mut all = vec![limit("limit", "m/s", typical), ratio, back_emf];
+                if self.law == TorqueLaw::Power {
+                    let speed = scene.scales.speed;
+                    all.push(EffectParameter::new("base_speed", "m/s", (0.01 * speed, f64::INFINITY), 0.1 * speed));
+                }
+                all
             }
             Frame::Sides { .. } => vec![limit("limit", &scene.inputs[0].unit, typical)],
             Frame::Channels => {
@@ -79,14 +120,18 @@ impl Effect for TorqueSaturation {
     }
 
     fn starts(&self, scene: &Scene) -> Vec<Start> {
-        let (wheels, n) = (matches!(scene.frame, Frame::Body { .. }) && !self.axes, scene.inputs.len());
+        if self.law == TorqueLaw::Power {
+            return self.powers(scene);
+        }
+        let by_wheel = self.law == TorqueLaw::Wheels;
+        let (wheels, n) = (matches!(scene.frame, Frame::Body { .. }) && by_wheel, scene.inputs.len());
         let at = |share: f64, rho: f64| Start {
             values: match scene.frame {
-                Frame::Body { .. } if !self.axes => vec![share * scene.scales.command, rho, 0.0],
+                Frame::Body { .. } if by_wheel => vec![share * scene.scales.command, rho, 0.0],
                 Frame::Sides { .. } => vec![share * scene.scales.command],
                 _ => scene.scales.inputs.iter().map(|typical| share * typical).collect(),
             },
-            columns: if scene.frame.has_wheels() && !self.axes { vec![vec![0]] } else { (0..n).map(|i| vec![i]).collect() },
+            columns: if scene.frame.has_wheels() && by_wheel { vec![vec![0]] } else { (0..n).map(|i| vec![i]).collect() },
             linear: false,
         };
         let ratios: &[f64] = if wheels { &[1.0, 2.0] } else { &[1.0] };
@@ -96,14 +141,18 @@ impl Effect for TorqueSaturation {
 
     fn statement(&self, values: &[Estimate], scene: &Scene) -> String {
         match scene.frame {
-            Frame::Body { .. } if self.axes => format!(
+            Frame::Body { .. } if self.law == TorqueLaw::Axes => format!(
                 "the controller asks for no more than for a lack of {} of forward and {} of angular velocity; the model had no limit of torque or current",
                 quantity(values[0], "m/s"),
                 quantity(values[1], "rad/s")
             ),
             Frame::Body { .. } => format!(
-                "a wheel's drive pulls no harder than for a lack of {} of speed; the model had no limit of torque or current",
-                quantity(values[0], "m/s")
+                "a wheel's drive pulls no harder than for a lack of {} of speed{}; the model had no limit of torque or current",
+                quantity(values[0], "m/s"),
+                match values.get(3) {
+                    Some(base) => format!(", and above {} as much less as it turns faster: its power is limited", quantity(*base, "m/s")),
+                    None => String::new(),
+                }
             ),
             Frame::Sides { .. } => format!(
                 "no more than {} of a side's voltage goes into acceleration; the model had no limit of torque or current",
@@ -142,7 +191,7 @@ impl Effect for TorqueSaturation {
         let excess = |value: f64, limit: f64| value - value.clamp(-limit.abs(), limit.abs());
         let frame = at.scene.frame;
         match frame {
-            Frame::Body { .. } if self.axes => {
+            Frame::Body { .. } if self.law == TorqueLaw::Axes => {
                 for (axis, (drive, limit)) in drive.iter_mut().zip(p).enumerate() {
                     *drive -= excess(motion.u[axis] - motion.outputs[axis], *limit);
                 }
@@ -151,7 +200,8 @@ impl Effect for TorqueSaturation {
                 let rho = p[1];
                 let lack = [0, 1].map(|axis| motion.u[axis] - motion.outputs[axis]);
                 let (asked, speeds) = (frame.at_wheels(&lack, rho), frame.wheels(motion.outputs));
-                let cut = [0, 1].map(|side| -excess(asked[side] - p[2] * speeds[side], p[0]));
+                let limit = |side: usize| p.get(3).map_or(p[0], |base| p[0] * (base / speeds[side].abs()).min(1.0));
+                let cut = [0, 1].map(|side| -excess(asked[side] - p[2] * speeds[side], limit(side)));
                 frame.add_at_wheels(cut, rho, drive);
             }
             Frame::Sides { .. } => drive.iter_mut().for_each(|d| *d -= excess(*d, p[0])),

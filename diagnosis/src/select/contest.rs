@@ -1,7 +1,7 @@
 //! Each member's place is contested: another effect may explain more in it, or none may be needed there.
 
 use super::{COMPARING, EXCHANGE, FINAL, MOST, Rival, SHARE, Search, Selected, State};
-use crate::adequacy::{Jitter, OrderLine, jittered, lined, whitened};
+use crate::adequacy::{Jitter, OrderLine, counted, jittered, lined, whitened};
 use crate::comparison::Comparison;
 use crate::fit::search::{Fit, left};
 use crate::fit::setting::Setting;
@@ -140,6 +140,11 @@ impl<'a> Search<'a> {
     /// What returns with a wheel's turning beside a selection, if anything does.
     pub(crate) fn line(&self, selected: &Selected) -> Option<OrderLine> {
         self.asked(selected, lined)
+    }
+
+    /// Whether the wheels' speeds come in whole counts, beside a selection.
+    pub(crate) fn counted(&self, selected: &Selected) -> bool {
+        self.asked(selected, counted)
     }
 
     fn jittered<T>(&self, selected: &Selected, ask: impl FnOnce(Jitter, &Comparison<'_>) -> T) -> Option<T> {

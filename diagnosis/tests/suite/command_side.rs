@@ -5,7 +5,7 @@ use crate::rig;
 use crate::common::{HALF_TRACK, base, data, difference, held, model, scene};
 use wheelwright_core::effect::{Effect, Estimate};
 use wheelwright_diagnosis::effects::{
-    ActuatorLag, Axis, BatterySag, CommandDelay, CommandOffset, DeadZone, GainAsymmetry, IntegralAction, SagLaw, SlewLimit,
+    ActuatorLag, Axis, BatterySag, CommandDelay, CommandOffset, DeadZone, GainAsymmetry, IntegralAction, SagLaw, SlewLimit, TorqueLaw,
     TorqueSaturation, VelocitySaturation, Wheel,
 };
 
@@ -315,9 +315,25 @@ fn a_drive_pulls_no_harder_than_its_limit() {
 }
 
 #[test]
+fn a_drive_has_no_more_than_its_power() {
+    let (limit, rho, emf, slow) = (0.2, 1.4, 0.03, 0.1);
+    let error = difference(&[&TorqueSaturation { law: TorqueLaw::Power }], &[limit, rho, emf, slow], &[], [0.3, 0.2], |s, t, x| {
+        let u = held(s, t);
+        let (asked, speeds) = (wheels([u[0] - x[0], (u[1] - x[1]) / rho]), wheels(*x));
+        let [forward, turn] = body([0, 1].map(|i| {
+            let most = if speeds[i].abs() > slow { limit * slow / speeds[i].abs() } else { limit };
+            let pulls: f64 = asked[i] - emf * speeds[i];
+            pulls.max(-most).min(most) + emf * speeds[i]
+        }));
+        base([x[0] + forward, x[1] + rho * turn], x)
+    });
+    assert!(error < 2e-4, "{error}");
+}
+
+#[test]
 fn a_controller_asks_of_each_axis_no_more_than_its_limit() {
     let limits = [0.1, 0.15];
-    let error = difference(&[&TorqueSaturation { axes: true }], &limits, &[], [0.3, 0.2], |s, t, x| {
+    let error = difference(&[&TorqueSaturation { law: TorqueLaw::Axes }], &limits, &[], [0.3, 0.2], |s, t, x| {
         let u = held(s, t);
         base([0, 1].map(|i| x[i] + (u[i] - x[i]).max(-limits[i]).min(limits[i])), x)
     });

@@ -1,0 +1,120 @@
+//! What was found, member by member: values with intervals, evidence, and what could stand in its place.
+
+use wheelwright_core::effect::{Confusion, Effect, EffectParameter, Estimate, Stage};
+
+use crate::finding::{Alternative, Finding, FoundParameter, settings};
+use crate::fit::algebra::Directions;
+use crate::fit::search::Fit;
+use crate::select::{Rival, SHARE, Search, Selected, State, TOLD};
+
+use super::TWO_SIDED_95;
+use super::proof::Proven;
+
+/// Rivals this near in penalised evidence cannot be told from what was found.
+pub(crate) const AMBIGUOUS: f64 = 6.0;
+/// Rivals up to here are mentioned.
+pub(crate) const MENTIONED: f64 = 10.0;
+/// How an effect says of another that no drive tells them apart.
+const ALWAYS: &str = "always";
+
+/// Estimates of all unknowns with their intervals.
+fn intervals(fit: &Fit, search: &Search<'_>) -> Vec<Option<f64>> {
+    let directions = Directions::of(&fit.information(&search.setting));
+    let (covariance, told) = (directions.inverse(), directions.visibility());
+    (0..told.len())
+        .map(|j| (told[j] > TOLD && covariance[(j, j)].is_finite()).then(|| TWO_SIDED_95 * covariance[(j, j)].max(0.0).sqrt()))
+        .collect()
+}
+
+/// Findings, and the explanations that could take that of the whole's place.
+pub(super) fn findings(search: &Search<'_>, selected: &Selected, rests: &[Option<State>], proof: &Proven) -> (Vec<Finding>, Vec<State>) {
+    let mut open = Vec::new();
+    let setting = &search.setting;
+    let state = &selected.state;
+    let halves = intervals(&state.fit, search);
+    let mut at = setting.free();
+    let mut all = Vec::with_capacity(state.effects.len());
+    for (member, index) in state.effects.iter().enumerate() {
+        let effect = search.effect(*index);
+        let parameters = effect.parameters(setting.scene);
+        let range = at..at + parameters.len();
+        at = range.end;
+        let values = state.fit.point.x[range.clone()].to_vec();
+        let estimate = |(i, p): (usize, &EffectParameter)| {
+            let value = values[i];
+            let inside = |half: f64| {
+                (half < p.scale.abs().max(value.abs()) * 100.0).then(|| ((value - half).max(p.bounds.0), (value + half).min(p.bounds.1)))
+            };
+            Estimate { value, ci95: halves[range.start + i].and_then(inside) }
+        };
+        let estimates: Vec<Estimate> = parameters.iter().enumerate().map(estimate).collect();
+        let rivals = selected.rivals.get(member).map_or(&[][..], Vec::as_slice);
+        let known = search.known.filter(|_| *index >= search.library.len()).map(|(_, evidence)| *evidence);
+        let delta_bic = known.unwrap_or_else(|| rests[member].as_ref().map_or(0.0, |rest| search.worth(selected, rest)));
+        all.push(Finding {
+            name: effect.name().to_owned(),
+            place: effect.stage().place(),
+            statement: effect.statement(&estimates, setting.scene),
+            parameters: parameters
+                .into_iter()
+                .zip(&estimates)
+                .map(|(p, e)| FoundParameter { name: p.name, value: e.value, ci95: e.ci95, unit: p.unit, label: p.label })
+                .collect(),
+            values,
+            settings: settings(effect),
+            delta_bic,
+            holdout_gain: proof.gains[member],
+            alternatives: alternatives(search, effect, delta_bic, rivals),
+        });
+        let told = |r: &&Rival| {
+            all.last().is_some_and(|f: &Finding| f.alternatives.iter().any(|a| a.name == search.effect(r.effect).name() && a.open))
+        };
+        let near = rivals.iter().filter(|r| r.gap < reach(AMBIGUOUS, effect, search.effect(r.effect), delta_bic)).filter(told);
+        open.extend(near.map(|r| r.state.clone()));
+    }
+    (all, open)
+}
+
+/// What the library says of two effects that look alike.
+fn confusion(a: &dyn Effect, b: &dyn Effect) -> Option<&'static Confusion> {
+    let declared = a.confusions().iter().find(|c| c.with == b.name());
+    declared.or_else(|| b.confusions().iter().find(|c| c.with == a.name()))
+}
+
+/// The same, of effects that are one mathematics under every drive.
+pub(crate) fn always(a: &dyn Effect, b: &dyn Effect) -> Option<&'static Confusion> {
+    confusion(a, b).filter(|c| c.because.starts_with(ALWAYS))
+}
+
+/// How much worse a rival may be in penalised evidence for these data to leave it so open: two frictions turn over near standstill each in its own
+/// way, and no model of them is exact there.
+pub(crate) fn reach(least: f64, found: &dyn Effect, rival: &dyn Effect, worth: f64) -> f64 {
+    let frictions = found.stage() == Stage::Bearing && found.family() == rival.family();
+    if always(found, rival).is_some() || frictions { least.max(SHARE * worth) } else { least }
+}
+
+/// Rivals near enough to be mentioned, each name once. What is the same under every drive differs by what nobody recorded before the first
+/// sample: it is mentioned unless that is more than the imperfect form of an effect is.
+fn alternatives(search: &Search<'_>, found: &dyn Effect, worth: f64, rivals: &[Rival]) -> Vec<Alternative> {
+    let mut all: Vec<Alternative> = Vec::new();
+    for rival in rivals {
+        let effect = search.effect(rival.effect);
+        if rival.gap >= reach(MENTIONED, found, effect, worth) {
+            continue;
+        }
+        if effect.name() == found.name() || all.iter().any(|a| a.name == effect.name()) {
+            continue;
+        }
+        let declared = confusion(found, effect);
+        let always = always(found, effect).is_some();
+        let why = declared.map_or_else(|| "it explains this recording nearly as well".to_owned(), |c| c.because.to_owned());
+        all.push(Alternative {
+            name: effect.name().to_owned(),
+            gap: rival.gap,
+            always,
+            open: !always && rival.gap < reach(AMBIGUOUS, found, effect, worth),
+            because: if always { why } else { format!("{why}; what tells them apart is {}", effect.excitation()) },
+        });
+    }
+    all
+}

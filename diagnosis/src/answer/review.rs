@@ -1,0 +1,139 @@
+//! What is left over: tests without a library on what the final model leaves, and where the base model is off.
+
+use wheelwright_core::effect::{Effect, Estimate, Scene};
+
+use crate::adequacy;
+use crate::effects::digits;
+use crate::finding::{Alternative, Finding, Location};
+use crate::fit::search::Fit;
+use crate::fit::setting::{Runner, Setting};
+use crate::noise::Noise;
+use crate::question::{DiagnosisError, Question};
+use crate::residuals::{Flag, Residuals, Series};
+
+use super::{COUNTED, Means, Story};
+
+/// The parameter of an effect that begins during a recording.
+const BEGINS: &str = "time_s";
+
+/// Ratio of a rest's deviation to that of its innovations above which it is no noise: its past tells fifteen sixteenths of its variance.
+const SLOW: f64 = 4.0;
+
+/// Tests without a library on what the final model leaves, and where the base model is off.
+pub(super) fn review(question: &Question<'_>, story: &Story<'_>, findings: &[Finding]) -> Result<(Vec<Flag>, Location), DiagnosisError> {
+    let Story { search, selected, .. } = story;
+    let setting = &search.setting;
+    let free = setting.free();
+    let state = &selected.state;
+    let (plain, base) = (Setting { readout: story.compared_readout(), ..setting.clone() }, story.compared());
+    let simulate = |setting: &Setting<'_>, effects: &[usize], fit: &Fit, x: &[f64]| -> Result<Series, DiagnosisError> {
+        let mut runner = Runner::new(setting, &search.effects(effects), &fit.point)?;
+        let mut out = fit.simulated.clone();
+        if !runner.run(x, &fit.point.starts, &mut out) {
+            out.clone_from(&fit.simulated);
+        }
+        // What nobody recorded the cause of is no misfit.
+        for c in 0..setting.layout.outputs() {
+            for s in 0..setting.layout.stretches() {
+                let part = setting.layout.part(c, s);
+                let rows = part.start..part.start + setting.layout.unsettled(s);
+                out[rows.clone()].copy_from_slice(&setting.measured[rows]);
+            }
+        }
+        Ok(setting.layout.series(&out))
+    };
+    let last = simulate(setting, &state.effects, &state.fit, &state.fit.point.x)?;
+    let without = simulate(&plain, &[], &state.fit, &state.fit.point.x[..free])?;
+    let effects = search.effects(&state.effects);
+    let mut runner = Runner::new(setting, &effects, &state.fit.point)?;
+    let jacobian = (0..state.fit.point.x.len()).map(|j| setting.layout.series(&runner.column(&state.fit.point, j, &state.fit.simulated)));
+    let residuals = Residuals {
+        model: setting.model,
+        data: setting.data,
+        theta_base: setting.map.theta(&base.point.x[..free]),
+        theta_final: setting.map.theta(&state.fit.point.x[..free]),
+        base: simulate(&plain, &[], base, &base.point.x)?,
+        last,
+        noise: selected.whitening.noise.clone(),
+        jacobian: jacobian.collect(),
+        half_track: setting.scene.frame.half_track(),
+    };
+    let gain = selected.gained(setting, &state.fit);
+    let times = findings.iter().flat_map(|f| &f.parameters).filter(|p| p.name == BEGINS).map(|p| p.value);
+    let explained = adequacy::Explained { without: &without, since: times.min_by(f64::total_cmp), gain };
+    let (flags, location) = adequacy::review(&residuals, setting.scene, &explained, question.seed)?;
+    // The pattern of numerical error is nobody's physics.
+    Ok((if numerical(setting, &selected.state.fit) { Vec::new() } else { flags }, location))
+}
+
+/// Whether no output leaves more than the numerical error of a free run.
+pub(super) fn numerical(setting: &Setting<'_>, fit: &Fit) -> bool {
+    (0..setting.layout.outputs()).all(|c| {
+        let left = setting.layout.output(c).map(|k| (setting.measured[k] - fit.simulated[k]).powi(2));
+        left.sum::<f64>() <= setting.floor[c].powi(2) * setting.layout.counted() as f64
+    })
+}
+
+/// A rest that hardly changes from sample to sample: motion, however well an autoregression takes it for noise.
+pub(super) fn following(setting: &Setting<'_>, noise: &Noise, base: &Fit) -> Option<Flag> {
+    let layout = &setting.layout;
+    let of = |c: usize| {
+        let before: f64 = layout.output(c).map(|k| (setting.measured[k] - base.simulated[k]).powi(2)).sum::<f64>() / layout.rows() as f64;
+        let slow = noise.deviation[c].powi(2) - noise.innovation[c].powi(2);
+        (c, noise.deviation[c] / noise.innovation[c], (slow / before).clamp(0.0, 1.0))
+    };
+    let worst = (0..layout.outputs()).map(of).filter(|(_, ratio, _)| *ratio > SLOW).max_by(|a, b| a.2.total_cmp(&b.2))?;
+    let (output, value, share) = worst;
+    let statement = format!(
+        "what is left of {} hardly changes from sample to sample: motion that these effects do not explain, not noise",
+        setting.data.outputs[output].name
+    );
+    Some(Flag {
+        test: "a rest that follows its past",
+        value,
+        threshold: SLOW,
+        left_over: Some(share),
+        statement,
+        effect: None,
+        instead: None,
+    })
+}
+
+/// What a finding's values say that its effect does not explain: all of it is left over.
+pub(super) fn beyond(effect: &dyn Effect, finding: &Finding) -> Option<Flag> {
+    let estimates: Vec<Estimate> = finding.parameters.iter().map(|p| Estimate { value: p.value, ci95: p.ci95 }).collect();
+    let statement = effect.beyond(&estimates)?;
+    Some(Flag {
+        test: "values beyond the effect",
+        value: 1.0,
+        threshold: 0.0,
+        left_over: Some(1.0),
+        statement,
+        effect: None,
+        instead: None,
+    })
+}
+
+/// Outputs that are means over the interval are those of an encoder, whether or not its counts show. No drive tells the mean from the delay by
+/// half a sample that it would otherwise be: they differ by what is faster than the samples.
+pub(super) fn means(means: Means, scene: &Scene) -> Flag {
+    let Means { evidence, instead, .. } = means;
+    let statement = "speeds are recorded as means over the sampling interval".to_owned();
+    let because = format!(
+        "always, but for what is faster than the samples: a mean over an interval is late by half of it, {} s",
+        digits(0.5 * scene.scales.period)
+    );
+    let instead = instead.map(|name| Alternative { name, gap: evidence, because, always: true, open: false });
+    let effect = Some((COUNTED.to_owned(), vec![0.0]));
+    Flag { test: "means over the interval", value: evidence, threshold: 0.0, left_over: None, statement, effect, instead }
+}
+
+/// Where noise happens to be largest is no place.
+pub(super) fn nowhere(location: Location) -> Location {
+    Location {
+        channels: location.channels.into_iter().map(|(name, _)| (name, 0.0)).collect(),
+        statement: "nothing beyond noise, and so nowhere".to_owned(),
+        tests: location.tests,
+        ..Location::default()
+    }
+}
