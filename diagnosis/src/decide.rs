@@ -30,6 +30,8 @@ pub(crate) struct Weighed<'a> {
     pub(crate) track: Option<Finding>,
     pub(crate) flags: Vec<Flag>,
     pub(crate) transfer: Transfer,
+    /// What more of a cause that was found held-out data show, if that is what they lack.
+    pub(crate) unseen: Option<String>,
     /// Whether held-out data show motion that the training data lack.
     pub(crate) foreign: bool,
     pub(crate) warnings: Vec<String>,
@@ -47,7 +49,7 @@ pub(crate) struct Decided {
 }
 
 pub(crate) fn decide(weighed: Weighed<'_>) -> Decided {
-    let Weighed { mut findings, track, flags, transfer, foreign, mut warnings, effects, scene } = weighed;
+    let Weighed { mut findings, track, flags, transfer, unseen, foreign, mut warnings, effects, scene } = weighed;
     // What acts on the noise alone shows in the tests and not in the likelihood.
     let left: Vec<&Flag> = flags.iter().filter(|f| f.left_over.is_some_and(|share| share > LEFT_OVER)).collect();
     // What acts on the noise alone moves nothing that could transfer.
@@ -68,7 +70,9 @@ pub(crate) fn decide(weighed: Weighed<'_>) -> Decided {
         warnings.push(if moved { UNTRANSFERRED } else { FOREIGN }.to_owned());
     }
     if moved && transfer == Transfer::Open {
-        warnings.push(OPEN.to_owned());
+        let of_another_part =
+            |statement| format!("held-out driving shows more of it, at a size that the training data never reach: {statement}");
+        warnings.push(unseen.map_or_else(|| OPEN.to_owned(), of_another_part));
     }
     let verdict = match (nothing, left.is_empty()) {
         (true, true) if elsewhere => Verdict::Unexplained,
@@ -152,6 +156,7 @@ mod tests {
             track: None,
             flags,
             transfer,
+            unseen: None,
             foreign,
             warnings: Vec::new(),
             effects: &[Box::new(TimestampJitter::default()) as Box<dyn Effect>],

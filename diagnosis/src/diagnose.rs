@@ -16,7 +16,7 @@ use crate::fit::search::{Effort, Fit};
 use crate::fit::setting::{Point, Runner, Setting};
 use crate::fit::whitening::Whitening;
 use crate::gauge;
-use crate::judge::{judged, widened};
+use crate::judge::{Bench, judged, widened};
 use crate::noise::Noise;
 use crate::question::{DiagnosisError, Question};
 use crate::radius::{self, Wheels};
@@ -178,11 +178,17 @@ fn other_readout<'a>(
     }
     let rival = selected(surroundings(other, question, course)?, known, closer)?;
     let better = rival.own_evidence() - story.own_evidence() - sought;
-    if better <= EXCHANGE {
+    if better <= EXCHANGE || (!counted && contradicted(question, &rival, &story)) {
         return Ok(story);
     }
     let means = Means { evidence: better, instead: instead.map(|effect| effect.name().to_owned()), base: story.selected.base.clone() };
     Ok(Story { means: Some(means), ..rival })
+}
+
+/// Whether the held-out data decisively prefer a story to another one.
+fn contradicted(question: &Question<'_>, told: &Story<'_>, other: &Story<'_>) -> bool {
+    let (other, its_own) = ((&other.search, &other.selected.state), (&told.search, &told.selected.state));
+    Bench::new(question, &told.search, &told.selected).is_some_and(|bench| bench.prefers(other, its_own))
 }
 
 /// Evidence for a story without its lateness under another reading: only where that does as well is there more to look for.
@@ -193,8 +199,9 @@ fn plainer<'a>(story: &Story<'a>, reading: &Setting<'a>, base: &Fit) -> Option<f
     let other = Search { setting, library: search.library, open: search.open.clone(), known: search.known };
     let kept = |member: usize| !late(search.effect(selected.state.effects[member]));
     let effects: Vec<usize> = (0..selected.state.effects.len()).filter(|i| kept(*i)).map(|i| selected.state.effects[i]).collect();
-    let values = search.unknowns(&selected.state, &kept).skip(search.setting.free()).map(|j| selected.state.fit.point.x[j]);
-    let point = Point { x: base.point.x.iter().copied().chain(values).collect(), starts: base.point.starts.clone() };
+    // From the story's own parameters: those of the base model alone have bent to what its effects do.
+    let x = search.unknowns(&selected.state, &kept).map(|j| selected.state.fit.point.x[j]).collect();
+    let point = Point { x, starts: base.point.starts.clone() };
     let (whitening, fit) = other.at(&effects, point, &selected.whitening.noise)?;
     own_evidence(&other, effects, &fit, &whitening, base)
 }

@@ -136,45 +136,62 @@ const SURE: f64 = 3.0;
 /// Errors beyond this many standard deviations count by their size, not by its square: a few values far out are not motion.
 pub(crate) const HUBER: f64 = 2.0;
 
-/// Mean loss of a free run's errors over all outputs, in units of what a right model's scatter by: the noise, which stamps that jitter make
-/// louder where an output changes, and other driving changes more.
+/// Mean loss of a free run's errors over an output, in units of what a right model's scatter by: the noise, which stamps that jitter make louder
+/// where an output changes, and other driving changes more.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Loss {
+    /// With errors that are far out counted by their size: a few of them are not motion.
+    pub(crate) robust: f64,
+    /// With all of them counted by their squares: how much motion is missed, and not how often.
+    pub(crate) square: f64,
+}
+
+impl Loss {
+    fn of(scaled: &[f64]) -> Self {
+        let huber = |x: f64| if x <= HUBER { x * x } else { HUBER * (2.0 * x - HUBER) };
+        let (robust, square) = scaled.iter().fold((0.0, 0.0), |(r, s), x| (r + huber(x.abs()), s + x * x));
+        let count = scaled.len().max(1) as f64;
+        Self { robust: robust / count, square: square / count }
+    }
+
+    fn times(self, factor: f64) -> Self {
+        Self { robust: factor * self.robust, square: factor * self.square }
+    }
+}
+
+/// The mean of the outputs' robust losses.
 pub(crate) fn loss(data: &Dataset, simulated: &Series, noise: &[f64], jitter: Option<Jitter>) -> f64 {
     mean(&losses(data, simulated, noise, jitter))
 }
 
-/// The same of each output.
-pub(crate) fn losses(data: &Dataset, simulated: &Series, noise: &[f64], jitter: Option<Jitter>) -> Vec<f64> {
-    mean_losses(data, simulated, noise, jitter, |scaled| scaled)
+/// The loss of each output.
+pub(crate) fn losses(data: &Dataset, simulated: &Series, noise: &[f64], jitter: Option<Jitter>) -> Vec<Loss> {
+    each_output(data, simulated, noise, jitter, |scaled| scaled)
 }
 
 /// The same of what errors change by from sample to sample, as of independent ones.
-fn quick(data: &Dataset, simulated: &Series, noise: &[f64], jitter: Option<Jitter>) -> Vec<f64> {
+fn quick(data: &Dataset, simulated: &Series, noise: &[f64], jitter: Option<Jitter>) -> Vec<Loss> {
     let changes = |scaled: Vec<f64>| scaled.windows(2).map(|w| (w[1] - w[0]) * std::f64::consts::FRAC_1_SQRT_2).collect();
-    mean_losses(data, simulated, noise, jitter, changes)
+    each_output(data, simulated, noise, jitter, changes)
 }
 
-fn mean_losses(data: &Dataset, simulated: &Series, noise: &[f64], jitter: Option<Jitter>, of: impl Fn(Vec<f64>) -> Vec<f64>) -> Vec<f64> {
-    let huber = |x: f64| if x <= HUBER { x * x } else { HUBER * (2.0 * x - HUBER) };
+fn each_output(data: &Dataset, simulated: &Series, noise: &[f64], jitter: Option<Jitter>, of: impl Fn(Vec<f64>) -> Vec<f64>) -> Vec<Loss> {
     let output = |(c, noise): (usize, &f64)| {
-        let (mut sum, mut count) = (0.0, 0.0_f64);
-        for (stretch, run) in data.stretches.iter().zip(simulated) {
+        let stretch = |(stretch, run): (&Stretch, &Vec<Vec<f64>>)| {
             let errors = stretch.outputs[c].iter().zip(&run[c]).map(|(y, s)| (y - s) / noise);
-            let scaled: Vec<f64> = match jitter {
+            of(match jitter {
                 Some(jitter) => errors.zip(slope(&stretch.time, &run[c])).map(|(x, d)| x / jitter.scatter(d, *noise)).collect(),
                 None => errors.collect(),
-            };
-            let all = of(scaled);
-            count += all.len() as f64;
-            sum += all.iter().map(|x| huber(x.abs())).sum::<f64>();
-        }
-        sum / count.max(1.0)
+            })
+        };
+        Loss::of(&data.stretches.iter().zip(simulated).flat_map(stretch).collect::<Vec<_>>())
     };
     noise.iter().enumerate().map(output).collect()
 }
 
-/// Outputs have the same number of values.
-pub(crate) fn mean(losses: &[f64]) -> f64 {
-    losses.iter().sum::<f64>() / losses.len().max(1) as f64
+/// The mean of robust losses.
+pub(crate) fn mean(losses: &[Loss]) -> f64 {
+    losses.iter().map(|loss| loss.robust).sum::<f64>() / losses.len().max(1) as f64
 }
 
 /// An explanation's free runs over the data it was fitted to and over others, with what it takes for noise.
@@ -189,26 +206,28 @@ impl Runs<'_> {
     /// The loss that noise alone leaves of each output of the other data: as on the training data, or by as much more as errors change more from
     /// sample to sample there. Motion that is missed goes on for longer; noise with heavy tails, and jitter at steps, are not as loud on every
     /// recording.
-    pub(crate) fn floor(&self) -> Vec<f64> {
+    pub(crate) fn floor(&self) -> Vec<Loss> {
         let of = |(data, run): (&Dataset, &Series)| quick(data, run, self.noise, self.jitter);
-        let louder = of(self.held_out).into_iter().zip(of(self.training)).map(|(there, here)| there / here);
+        let louder = of(self.held_out).into_iter().zip(of(self.training)).map(|(there, here)| there.robust / here.robust);
         let trained = losses(self.training.0, self.training.1, self.noise, self.jitter);
-        trained.iter().zip(louder).map(|(loss, louder)| loss * if louder.is_finite() { louder.max(1.0) } else { 1.0 }).collect()
+        trained.iter().zip(louder).map(|(loss, louder)| loss.times(if louder.is_finite() { louder.max(1.0) } else { 1.0 })).collect()
     }
 }
 
 /// Weighs the outputs' losses on held-out data before and after against what noise alone leaves there. Of no output's excess may more stay than an
-/// explanation may leave over of the data it was fitted to, unless what stays is nothing that needs explaining.
-pub(crate) fn transfer(before: &[f64], after: &[f64], floor: &[f64]) -> Transfer {
+/// explanation may leave over of the data it was fitted to, unless what stays is nothing that needs explaining. Shares are of squares, as a
+/// signal's energy is: by their size, of a misfit of ten deviations a hundredth of its energy is a tenth.
+pub(crate) fn transfer(before: &[Loss], after: &[Loss], floor: &[Loss]) -> Transfer {
     let unhurt = mean(after) <= mean(before) * UNHURT;
-    let output = |((before, after), floor): ((&f64, &f64), &f64)| {
-        *after <= NEAR * floor || (after < before && after - floor <= LEFT_OVER * (before - floor))
+    let output = |((before, after), floor): ((&Loss, &Loss), &Loss)| {
+        let taken = || after.square - floor.square <= LEFT_OVER * (before.square - floor.square);
+        after.robust <= NEAR * floor.robust || (after.robust < before.robust && taken())
     };
     if unhurt && before.iter().zip(after).zip(floor).all(output) { Transfer::Holds } else { Transfer::Fails }
 }
 
 /// Whether held-out data are so far off that something moves there which the training data do not show.
-pub(crate) fn foreign(held_out: &[f64], floor: &[f64]) -> bool {
+pub(crate) fn foreign(held_out: &[Loss], floor: &[Loss]) -> bool {
     mean(held_out) > FOREIGN * mean(floor)
 }
 
@@ -269,7 +288,9 @@ mod tests {
 
     #[test]
     fn an_explanation_transfers_if_it_takes_the_excess_away_or_there_is_none() {
-        let of = |before: f64, after: f64| transfer(&[before, 1.0], &[after, 1.0], &[1.0, 1.0]);
+        let both = |losses: [f64; 2]| losses.map(|loss| Loss { robust: loss, square: loss });
+        let weighed = |before: [f64; 2], after: [f64; 2]| transfer(&both(before), &both(after), &both([1.0, 1.0]));
+        let of = |before: f64, after: f64| weighed([before, 1.0], [after, 1.0]);
         assert_eq!(of(4.0, 1.1), Transfer::Holds, "the excess is gone");
         assert_eq!(of(4.0, 2.0), Transfer::Fails, "a third of it is still there");
         assert_eq!(of(40.0, 3.5), Transfer::Holds, "the form of a law is never exact");
@@ -278,8 +299,15 @@ mod tests {
         assert_eq!(of(1.1, 1.6), Transfer::Fails, "it has made one");
         assert_eq!(of(0.7, 0.9), Transfer::Fails, "it has made one where it was quiet");
         assert_eq!(of(4.0, f64::INFINITY), Transfer::Fails, "it diverges");
-        assert_eq!(transfer(&[40.0, 2.5], &[1.0, 2.5], &[1.0, 1.0]), Transfer::Fails, "one output is not explained");
-        assert!(foreign(&[6.0, 1.0], &[1.0, 1.0]) && !foreign(&[1.5, 1.0], &[1.0, 1.0]));
+        assert_eq!(weighed([40.0, 2.5], [1.0, 2.5]), Transfer::Fails, "one output is not explained");
+        let far = |held_out: [f64; 2]| foreign(&both(held_out), &both([1.0, 1.0]));
+        assert!(far([6.0, 1.0]) && !far([1.5, 1.0]));
+        // A strong misfit counts by its energy: of ten deviations three, a tenth of it, are too much, and two, a thirtieth, are not.
+        let energy = |after: f64| {
+            let loss = |size: f64| Loss::of(&[1.0 + size, 1.0 - size]);
+            transfer(&[loss(10.0)], &[loss(after)], &[loss(0.0)])
+        };
+        assert_eq!((energy(2.0), energy(3.0)), (Transfer::Holds, Transfer::Fails));
     }
 
     /// Held-out data asked about an effect that changes them by `size` standard deviations of their noise, and of which a share is there.

@@ -54,8 +54,9 @@ pub(crate) fn judged(question: &Question<'_>, search: &Search<'_>, mut selected:
 pub(crate) fn widened(question: &Question<'_>, search: &Search<'_>, selected: &Selected) -> Option<Selected> {
     let bench = Bench::new(question, search, selected).filter(|bench| bench.missed(search, selected))?;
     let wider = (search.fixed(selected)..selected.state.effects.len()).flat_map(|member| search.wider(selected, member));
-    let better = wider.filter(|wide| bench.better(search, &wide.state, &selected.state));
-    let losses = better.map(|wide| (bench.with_leeway(search, &wide.state), wide));
+    // As it was fitted a wider law says nothing where what it has beyond the narrow one is what the training data do not show.
+    let own = bench.with_leeway(search, &selected.state);
+    let losses = wider.map(|wide| (bench.with_leeway(search, &wide.state), wide)).filter(|(loss, _)| bench.decisive(*loss, own));
     losses.min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, wide)| exchanged(&bench, search, wide))
 }
 
@@ -155,7 +156,7 @@ impl<'q> Bench<'q> {
     /// The same with the leeway that the training data leave, and what it costs there.
     fn with_leeway(&self, search: &Search<'_>, state: &State) -> f64 {
         let moved = self.likeliest(search, |data, scene| match moved(search, state, data, scene, &self.noise) {
-            Some(Moved { simulated, cost }) => self.with_cost(loss(data, &simulated, &self.noise.deviation, self.jitter), cost),
+            Some(Moved { simulated, cost, .. }) => self.with_cost(loss(data, &simulated, &self.noise.deviation, self.jitter), cost),
             None => f64::INFINITY,
         });
         moved.min(self.loss(search, state))
@@ -235,8 +236,13 @@ impl<'q> Bench<'q> {
 
     /// Whether a state does decisively better than another, as they were fitted and with leeway.
     fn better(&self, search: &Search<'_>, less: &State, more: &State) -> bool {
-        self.decisive(self.loss(search, less), self.loss(search, more))
-            && self.decisive(self.with_leeway(search, less), self.with_leeway(search, more))
+        self.prefers((search, less), (search, more))
+    }
+
+    /// The same of states that read the data each in its own way.
+    pub(crate) fn prefers(&self, less: (&Search<'_>, &State), more: (&Search<'_>, &State)) -> bool {
+        self.decisive(self.loss(less.0, less.1), self.loss(more.0, more.1))
+            && self.decisive(self.with_leeway(less.0, less.1), self.with_leeway(more.0, more.1))
     }
 
     /// Whether a loss is so much less than another that it is no chance.

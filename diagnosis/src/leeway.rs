@@ -31,12 +31,19 @@ const LAST: f64 = 1.0;
 pub(crate) struct Moved {
     /// Free run over the other data.
     pub(crate) simulated: Series,
+    /// Its parameters there.
+    pub(crate) x: Vec<f64>,
     /// What the move costs on the training data, in twice the log-likelihood.
     pub(crate) cost: f64,
 }
 
 /// Moves an explanation's parameters to where other data would have them; `None` where it cannot be simulated there.
 pub(crate) fn moved(search: &Search<'_>, state: &State, data: &Dataset, scene: &Scene, noise: &Noise) -> Option<Moved> {
+    moved_within(f64::INFINITY, search, state, data, scene, noise)
+}
+
+/// The same, on the way there no farther than to where the move costs so much on the training data.
+pub(crate) fn moved_within(most: f64, search: &Search<'_>, state: &State, data: &Dataset, scene: &Scene, noise: &Noise) -> Option<Moved> {
     let layout = Layout::of(data, scene);
     let setting = Setting { data, scene, measured: layout.flat(data), layout, ..search.setting.clone() };
     let known = state.fit.information(&search.setting);
@@ -63,9 +70,15 @@ pub(crate) fn moved(search: &Search<'_>, state: &State, data: &Dataset, scene: &
             break;
         }
     }
-    let far = DVector::from_column_slice(&point.x) - first;
-    let cost = far.dot(&(known * &far));
-    runner.run(&point.x, &point.starts, &mut run).then(|| Moved { simulated: setting.layout.series(&run), cost })
+    let mut far = DVector::from_column_slice(&point.x) - &first;
+    let mut cost = far.dot(&(&known * &far));
+    if cost > most {
+        far *= (most / cost).sqrt();
+        cost = most;
+        point.x = (first + far).as_slice().to_vec();
+    }
+    let whole = runner.run(&point.x, &point.starts, &mut run);
+    whole.then(|| Moved { simulated: setting.layout.series(&run), x: point.x, cost })
 }
 
 /// Errors of a run, model minus measured, what is far out drawn in; and each output's weight: independent values count by what is left.
@@ -143,7 +156,7 @@ mod tests {
         let mut given = vec![0.0; there.layout.len()];
         let point = there.point(state.fit.point.x.clone());
         assert!(Runner::new(&there, &[], &point).unwrap().run(&point.x, &point.starts, &mut given));
-        let Moved { simulated, cost } = moved(&start.search, &state, held, &other, &noise).unwrap();
+        let Moved { simulated, cost, .. } = moved(&start.search, &state, held, &other, &noise).unwrap();
         (loss(held, &there.layout.series(&given), &NOISE, None), loss(held, &simulated, &NOISE, None), cost)
     }
 

@@ -114,13 +114,22 @@ pub(super) fn counts(comparison: &Comparison<'_>, lattices: &[Lattice]) -> Optio
             let noise = f64::hypot(comparison.noise[0], half_track * comparison.noise[1]);
             let steps = (TRACK * typical / (SHIFT * noise)).ceil().min(f64::from(TRACKS)) as i32;
             let share = |i: i32| 1.0 + TRACK * f64::from(i) / f64::from(steps.max(1));
-            (-steps..=steps).map(|i| Frame::Body { half_track: half_track * share(i) }).collect()
+            let measured = (-steps..=steps).map(|i| half_track * share(i));
+            measured.chain(between(lattices)).map(|half_track| Frame::Body { half_track }).collect()
         }
     };
     let body = matches!(scene.frame, Frame::Body { .. });
     let own = |found: &Counts| !body || AGREES * clear <= found.coherence;
     let best = tracks.into_iter().filter_map(|frame| of_wheels(comparison, frame)).filter(own);
     best.reduce(|a, b| if b.coherence > a.coherence { b } else { a })
+}
+
+/// Half the track by the outputs' own lattices, whatever a person measured: half the sum of two wheels' counts comes in steps of h times those in which
+/// their difference over the track does.
+fn between(lattices: &[Lattice]) -> Option<f64> {
+    let of = |output: usize| lattices.iter().find(|l| l.output == output);
+    let (forward, turning) = (of(0)?, of(1)?);
+    (forward.of_distance == turning.of_distance).then(|| forward.quantum / turning.quantum)
 }
 
 fn of_wheels(comparison: &Comparison<'_>, frame: Frame) -> Option<Counts> {

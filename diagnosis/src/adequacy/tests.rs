@@ -219,7 +219,8 @@ fn counted(seed: u64, travel: f64, noise: f64, wrong: f64) -> Option<Counts> {
 #[test]
 fn counts_of_wheels_are_found_behind_noise_and_a_track_that_is_a_little_off() {
     let travel = 0.0012;
-    for (noise, wrong) in [(0.0, 1.0), (0.004, 1.0), (0.004, 1.015)] {
+    // Without noise the steps of both outputs tell the track themselves.
+    for (noise, wrong) in [(0.0, 1.0), (0.004, 1.0), (0.004, 1.015), (0.0, 1.6)] {
         let found = counted(8, travel, noise, wrong).expect("counts");
         assert!((found.travel / travel - 1.0).abs() < 0.02, "{noise} {wrong}: {found:?}");
     }

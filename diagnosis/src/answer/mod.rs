@@ -3,6 +3,7 @@
 mod findings;
 mod proof;
 mod review;
+mod unseen;
 
 use wheelwright_core::simulation::Readout;
 
@@ -93,6 +94,7 @@ pub(crate) fn tell(
         track,
         flags,
         transfer: proof.transfer,
+        unseen: proof.unseen,
         foreign: proof.foreign,
         warnings,
         effects: search.library,

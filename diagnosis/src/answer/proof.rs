@@ -6,11 +6,12 @@ use wheelwright_core::effect::Scene;
 
 use crate::finding::{Fits, Replay, Rung};
 use crate::fit::setting::Setting;
-use crate::holdout::{BorneOut, Explanation, Ground, Proof, Runs, Transfer, foreign, losses, shifted, transfer};
-use crate::leeway::moved;
+use crate::holdout::{BorneOut, Explanation, Ground, Loss, Proof, Runs, Transfer, foreign, losses, shifted, transfer};
+use crate::leeway::moved_within;
 use crate::question::Question;
-use crate::select::{Search, State};
+use crate::select::{SHARE, Search, State};
 
+use super::unseen::unseen;
 use super::{COUNTED, Story};
 
 /// Chance with which the true parameters cost more on the training data, in twice the log-likelihood, than they may to be where held-out data have them.
@@ -36,6 +37,8 @@ pub(super) struct Proven {
     pub(super) transfer: Transfer,
     /// Whether held-out data show motion that the training data lack.
     pub(super) foreign: bool,
+    /// Another part of a cause that was found, which only the held-out data show, if that is what they lack.
+    pub(super) unseen: Option<String>,
     /// Held-out fit gained by each effect when it is added last.
     pub(super) gains: Vec<Option<f64>>,
     pub(super) training: Replay,
@@ -63,6 +66,7 @@ impl Proven {
             waterfall: Vec::new(),
             transfer: Transfer::Holds,
             foreign: false,
+            unseen: None,
             gains: vec![None; selected.state.effects.len()],
             training,
             held_out: None,
@@ -89,14 +93,20 @@ impl Proven {
             BorneOut::new(&selected.whitening.noise, &shifted, &after.simulated, &without.simulated, gain).refuted()
         };
         let with_leeway = || {
-            let leeway = moved(search, &selected.state, &shifted, &scene, &selected.whitening.noise);
-            leeway
-                .filter(|there| there.cost < affordable(selected.state.fit.rank(setting)))
-                .map(|there| losses(&shifted, &there.simulated, noise, jitter))
+            // What parameters cost at their true values, and what the imperfect form of a law makes of them.
+            let most = affordable(selected.state.fit.rank(setting)) + SHARE * selected.gained(setting, &selected.state.fit);
+            let leeway = moved_within(most, search, &selected.state, &shifted, &scene, &selected.whitening.noise);
+            leeway.map(|there| losses(&shifted, &there.simulated, noise, jitter))
         };
+        let holds = |after: &[Loss]| transfer(&left[0], after, &floor) == Transfer::Holds;
         made.transfer = match transfer(&left[0], &left[1], &floor) {
             _ if withouts.iter().flatten().any(refuted) => Transfer::Fails,
-            Transfer::Fails if with_leeway().is_some_and(|after| transfer(&left[0], &after, &floor) == Transfer::Holds) => Transfer::Open,
+            Transfer::Fails if with_leeway().is_some_and(|after| holds(&after)) => Transfer::Open,
+            Transfer::Fails => {
+                let there = unseen(search, selected, &shifted, &scene, |run| losses(&shifted, run, noise, jitter));
+                made.unseen = there.filter(|there| holds(&there.losses)).map(|there| there.statement);
+                if made.unseen.is_some() { Transfer::Open } else { Transfer::Fails }
+            }
             as_fitted => as_fitted,
         };
         made.foreign = foreign(&left[1], &floor);

@@ -28,6 +28,8 @@ pub enum CastorKind {
     /// A wheel in a fork that swings round.
     #[default]
     Swivel,
+    /// The same ahead of the axle: fitted by itself, since on the way from behind it does less and less.
+    Leading,
     /// A ball or a pad that slides.
     Ball,
 }
@@ -63,7 +65,7 @@ impl CastorDrag {
     /// Number of its parameters but for the turning ratio, which stands last.
     fn own(&self) -> usize {
         match self.kind {
-            CastorKind::Swivel => 6,
+            CastorKind::Swivel | CastorKind::Leading => 6,
             CastorKind::Ball => 3,
         }
     }
@@ -78,13 +80,14 @@ impl Effect for CastorDrag {
     fn about(&self) -> String {
         match self.kind {
             CastorKind::Swivel => "the drag of a castor that swings round behind its pivot".to_owned(),
+            CastorKind::Leading => "the drag of a castor ahead of the axle that swings round behind its pivot".to_owned(),
             CastorKind::Ball => "the drag of a castor that slides, such as a ball".to_owned(),
         }
     }
 
     fn stage(&self) -> Stage {
         match self.kind {
-            CastorKind::Swivel => Stage::Load,
+            CastorKind::Swivel | CastorKind::Leading => Stage::Load,
             CastorKind::Ball => Stage::Drive,
         }
     }
@@ -97,8 +100,9 @@ impl Effect for CastorDrag {
         let h = scene.frame.half_track();
         let mut all = force::sizes(scene, "drag");
         match self.kind {
-            CastorKind::Swivel => {
-                all.push(EffectParameter::new("distance", "m", (-3.0 * h, 3.0 * h), 0.2 * h));
+            CastorKind::Swivel | CastorKind::Leading => {
+                let farthest = if self.kind == CastorKind::Leading { 0.0 } else { 3.0 * h };
+                all.push(EffectParameter::new("distance", "m", (-3.0 * h, farthest), 0.2 * h));
                 all.push(EffectParameter::new("trail", "m", (0.02 * h, 2.0 * h), 0.1 * h));
                 let units = if force::unit(scene) == "V" { ["V m", "V m s"] } else { ["m2/s", "m2"] };
                 let moment = 0.005 * h * force::command(scene, 0);
@@ -123,7 +127,7 @@ impl Effect for CastorDrag {
     fn starts(&self, scene: &Scene) -> Vec<Start> {
         let (h, drag) = (scene.frame.half_track(), 0.05 * force::command(scene, 0));
         match self.kind {
-            CastorKind::Swivel => {
+            CastorKind::Swivel | CastorKind::Leading => {
                 let all = self.parameters(scene);
                 let from = |(l, d): (f64, f64)| Start {
                     values: [drag, d * h, l * h, all[SWIVEL].scale, all[DAMPING].scale, 0.0]
@@ -133,7 +137,11 @@ impl Effect for CastorDrag {
                     columns: vec![vec![DRAG], vec![SWIVEL], vec![DAMPING]],
                     linear: true,
                 };
-                [(0.08, 1.5), (0.18, 0.9), (0.18, 1.4), (0.4, 0.8), (0.4, 1.3), (0.2, -1.1)].map(from).into()
+                let places: &[(f64, f64)] = match self.kind {
+                    CastorKind::Leading => &[(0.08, -1.5), (0.18, -1.0), (0.2, -1.6), (0.4, -1.3)],
+                    _ => &[(0.08, 1.5), (0.18, 0.9), (0.18, 1.4), (0.4, 0.8), (0.4, 1.3), (0.2, -1.1)],
+                };
+                places.iter().copied().map(from).collect()
             }
             CastorKind::Ball => [0.8, 1.4].into_iter().flat_map(|d| force::starts(scene, &[drag, d * h, 0.0], &[vec![DRAG]])).collect(),
         }
@@ -157,7 +165,7 @@ impl Effect for CastorDrag {
         let place = if distance.value < 0.0 { "ahead of" } else { "behind" };
         let away = super::words::scaled(distance, |d| d * distance.value.signum());
         match self.kind {
-            CastorKind::Swivel => format!(
+            CastorKind::Swivel | CastorKind::Leading => format!(
                 "a castor {} {place} the axle, trailing its pivot by {}, drags: rolling it along uses up {}, and its pivot {}; the model had no castor",
                 quantity(away, "m"),
                 quantity(values[TRAIL], "m"),
@@ -174,7 +182,7 @@ impl Effect for CastorDrag {
 
     /// As measured (`benches/stepping.rs`).
     fn effort(&self) -> u64 {
-        if self.kind == CastorKind::Swivel { 4 } else { 1 }
+        if self.kind == CastorKind::Ball { 1 } else { 4 }
     }
 
     fn excitation(&self) -> &'static str {
@@ -196,7 +204,7 @@ impl Effect for CastorDrag {
     /// cos δ/2 and sin δ/2, in which the swinging round is linear, and the outputs before.
     fn states(&self, _scene: &Scene) -> usize {
         match self.kind {
-            CastorKind::Swivel => 4,
+            CastorKind::Swivel | CastorKind::Leading => 4,
             CastorKind::Ball => 0,
         }
     }
@@ -239,7 +247,7 @@ impl Effect for CastorDrag {
     }
 
     fn drive(&self, p: &[f64], at: &Instant<'_>, motion: &Motion<'_>, _state: &[f64], drive: &mut [f64]) {
-        if self.kind == CastorKind::Swivel {
+        if self.kind != CastorKind::Ball {
             return;
         }
         let (frame, [th1, _]) = (at.scene.frame, force::inertia(&at.scene.frame, motion));

@@ -2,6 +2,8 @@
 //!
 //! In the body frame it uses up (f_R + f_L)/2 of the forward command and ρ (f_R − f_L)/(2h) of the turning command, ρ the
 //! turning ratio. In channels without wheels each output has a friction of its own.
+//!
+//! A `soft` one comes up with speed, as that of a film or of a seal does before it is full: f = c s/√(s² + s_0²).
 
 use serde::{Deserialize, Serialize};
 use wheelwright_core::Effect;
@@ -12,7 +14,11 @@ use super::force;
 /// Coulomb friction.
 #[derive(Debug, Clone, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct CoulombFriction {}
+pub struct CoulombFriction {
+    /// Whether it comes up with speed. Default `false`: it is whole as soon as a wheel turns.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub soft: bool,
+}
 
 #[typetag::serde(name = "coulomb_friction")]
 impl Effect for CoulombFriction {
@@ -21,7 +27,8 @@ impl Effect for CoulombFriction {
     }
 
     fn about(&self) -> String {
-        "dry friction of constant size at both wheels".to_owned()
+        let how = if self.soft { "that comes up with speed" } else { "of constant size" };
+        format!("dry friction {how} at both wheels")
     }
 
     fn stage(&self) -> Stage {
@@ -33,21 +40,26 @@ impl Effect for CoulombFriction {
     }
 
     fn inapplicable(&self, scene: &Scene) -> Option<String> {
-        force::needs_commands(scene)
+        if self.soft { force::needs_wheels(scene) } else { force::needs_commands(scene) }
     }
 
     fn parameters(&self, scene: &Scene) -> Vec<EffectParameter> {
-        force::sizes(scene, "friction").into_iter().chain(force::turning_ratio(scene)).collect()
+        let soft = self.soft.then(|| force::softness(scene));
+        force::sizes(scene, "friction").into_iter().chain(soft).chain(force::turning_ratio(scene)).collect()
     }
 
     fn starts(&self, scene: &Scene) -> Vec<Start> {
+        if self.soft {
+            return force::starts(scene, &[0.05 * scene.scales.command, force::softness(scene).scale], &[vec![0]]);
+        }
         let scales: Vec<f64> = self.parameters(scene).iter().filter(|p| p.neutral.is_some()).map(|p| p.scale).collect();
         force::starts(scene, &scales, &(0..scales.len()).map(|i| vec![i]).collect::<Vec<_>>())
     }
 
     fn statement(&self, values: &[Estimate], scene: &Scene) -> String {
         let whose = if scene.frame.has_wheels() { "at each wheel".to_owned() } else { format!("on `{}`", scene.outputs[0].name) };
-        format!("dry friction {whose} uses up {}; the model had none", force::in_words(values[0], scene))
+        let comes_up = if self.soft { force::comes_up(values[1]) } else { String::new() };
+        format!("dry friction {whose} uses up {}{comes_up}; the model had none", force::in_words(values[0], scene))
     }
 
     fn excitation(&self) -> &'static str {
@@ -81,6 +93,9 @@ impl Effect for CoulombFriction {
     }
 
     fn load(&self, p: &[f64], at: &Instant<'_>, outputs: &[f64], _state: &[f64], load: &mut [f64]) {
-        force::at_contacts(at, outputs, p.get(1), load, |contact, _, sign| p[contact] * sign);
+        match self.soft {
+            false => force::at_contacts(at, outputs, p.get(1), load, |contact, _, sign| p[contact] * sign),
+            true => force::at_contacts(at, outputs, p.get(2), load, |_, speed, _| p[0] * speed / speed.hypot(p[1])),
+        }
     }
 }

@@ -1,4 +1,6 @@
 //! Dry friction that differs forwards and backwards: f = c_f on a wheel that rolls forwards, −c_b on one that rolls backwards.
+//!
+//! A `soft` one comes up with speed: c s/√(s² + s_0²).
 
 use serde::{Deserialize, Serialize};
 use wheelwright_core::Effect;
@@ -10,7 +12,11 @@ use super::words::quantity;
 /// Friction by direction.
 #[derive(Debug, Clone, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct DirectionAsymmetry {}
+pub struct DirectionAsymmetry {
+    /// Whether it comes up with speed. Default `false`: it is whole as soon as a wheel turns.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub soft: bool,
+}
 
 #[typetag::serde(name = "direction_asymmetry")]
 impl Effect for DirectionAsymmetry {
@@ -19,7 +25,8 @@ impl Effect for DirectionAsymmetry {
     }
 
     fn about(&self) -> String {
-        "dry friction that is greater in one direction than in the other".to_owned()
+        let how = if self.soft { " and comes up with speed" } else { "" };
+        format!("dry friction that is greater in one direction than in the other{how}")
     }
 
     fn stage(&self) -> Stage {
@@ -31,17 +38,22 @@ impl Effect for DirectionAsymmetry {
     }
 
     fn inapplicable(&self, scene: &Scene) -> Option<String> {
-        force::needs_commands(scene)
+        if self.soft { force::needs_wheels(scene) } else { force::needs_commands(scene) }
     }
 
     fn parameters(&self, scene: &Scene) -> Vec<EffectParameter> {
         let mut all = force::sizes(scene, "friction_forward");
         all.extend(force::sizes(scene, "friction_backward"));
+        all.extend(self.soft.then(|| force::softness(scene)));
         all.extend(force::turning_ratio(scene));
         all
     }
 
     fn starts(&self, scene: &Scene) -> Vec<Start> {
+        if self.soft {
+            let size = 0.05 * scene.scales.command;
+            return force::starts(scene, &[size, size, force::softness(scene).scale], &[vec![0], vec![1]]);
+        }
         let forward: Vec<f64> = force::sizes(scene, "").iter().map(|p| p.scale).collect();
         let both = [forward.clone(), forward].concat();
         force::starts(scene, &both, &(0..both.len()).map(|i| vec![i]).collect::<Vec<_>>())
@@ -51,9 +63,10 @@ impl Effect for DirectionAsymmetry {
         let (forward, backward) = (values[0], values[force::contacts(scene)]);
         let harder = if forward.value >= backward.value { "forwards" } else { "backwards" };
         format!(
-            "rolling {harder} is harder: dry friction uses up {} of the command forwards and {} backwards; the model had none",
+            "rolling {harder} is harder: dry friction uses up {} of the command forwards and {} backwards{}; the model had none",
             quantity(forward, force::unit(scene)),
-            quantity(backward, force::unit(scene))
+            quantity(backward, force::unit(scene)),
+            if self.soft { force::comes_up(values[2]) } else { String::new() }
         )
     }
 
@@ -84,6 +97,10 @@ impl Effect for DirectionAsymmetry {
     }
 
     fn load(&self, p: &[f64], at: &Instant<'_>, outputs: &[f64], _state: &[f64], load: &mut [f64]) {
+        if self.soft {
+            let size = |speed: f64| if speed > 0.0 { p[0] } else { p[1] };
+            return force::at_contacts(at, outputs, p.get(3), load, |_, speed, _| size(speed) * speed / speed.hypot(p[2]));
+        }
         let n = force::contacts(at.scene);
         force::at_contacts(at, outputs, p.get(2 * n), load, |contact, _, sign| {
             let (forward, backward) = (p[contact], p[n + contact]);

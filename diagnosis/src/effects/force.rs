@@ -124,6 +124,17 @@ pub(super) fn sizes(scene: &Scene, name: &str) -> Vec<EffectParameter> {
     scene.inputs.iter().zip(&scene.outputs).enumerate().map(|(i, (u, y))| size(i, &u.unit).of("output", &y.name)).collect()
 }
 
+/// The speed by which a friction that comes up with it has come up to 71 % of its size.
+pub(super) fn softness(scene: &Scene) -> EffectParameter {
+    let speed = scene.scales.speed;
+    EffectParameter::new("comes_up_by", "m/s", (KINK * speed, 2.0 * speed), 0.15 * speed)
+}
+
+/// How a friction comes up, in words.
+pub(super) fn comes_up(by: Estimate) -> String {
+    format!(", not at once but with speed: seven tenths of it at {}", quantity(by, "m/s"))
+}
+
 /// In the body frame the two axes have control loops of their own: the same force counts this many times as much in turning as it
 /// would if the loops were closed on the wheels.
 pub(super) fn turning_ratio(scene: &Scene) -> Option<EffectParameter> {

@@ -197,12 +197,14 @@ fn sensors() -> Vec<Box<dyn Effect>> {
 fn dynamics() -> Vec<Box<dyn Effect>> {
     vec![
         Box::new(CoulombFriction::default()),
+        Box::new(CoulombFriction { soft: true }),
         Box::new(CoulombFrictionOneWheel { wheel: Some(Wheel::Left) }),
         Box::new(CoulombFrictionOneWheel { wheel: Some(Wheel::Right) }),
         Box::new(CoulombFrictionOneWheel { wheel: None }),
         Box::new(StribeckFriction {}),
         Box::new(RollingResistance {}),
-        Box::new(DirectionAsymmetry {}),
+        Box::new(DirectionAsymmetry::default()),
+        Box::new(DirectionAsymmetry { soft: true }),
         Box::new(ViscousAsymmetry { between: Between::Wheels }),
         Box::new(ViscousAsymmetry { between: Between::Directions }),
         Box::new(QuadraticDrag {}),
@@ -213,6 +215,7 @@ fn dynamics() -> Vec<Box<dyn Effect>> {
         Box::new(TurningScrub { law: ScrubLaw::Skid }),
         Box::new(TurningScrub { law: ScrubLaw::Understeer }),
         Box::new(CastorDrag { kind: CastorKind::Swivel }),
+        Box::new(CastorDrag { kind: CastorKind::Leading }),
         Box::new(CastorDrag { kind: CastorKind::Ball }),
         Box::new(Slope {}),
         Box::new(PayloadChange::default()),

@@ -1,5 +1,5 @@
 //! The force of a drive is limited: what a wheel's loop asks for, |U − (1 + κ) s|, or what is left of the voltage to accelerate, is cut
-//! at m.
+//! at m; a limit of power cuts it at m s_b/|s| where a wheel is faster than s_b.
 
 use serde::{Deserialize, Serialize};
 use wheelwright_core::Effect;

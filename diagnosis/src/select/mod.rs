@@ -151,7 +151,7 @@ impl<'a> Search<'a> {
     }
 
     /// Whether an effect may stand beside others: none of them is of its family.
-    fn joins(&self, effect: usize, members: &[usize]) -> bool {
+    pub(crate) fn joins(&self, effect: usize, members: &[usize]) -> bool {
         members.iter().all(|m| !related(self.effect(*m).family(), self.effect(effect).family()))
     }
 

@@ -4,12 +4,14 @@ use rand::SeedableRng;
 use rand::rngs::StdRng;
 use wheelwright_core::ModelConfig;
 use wheelwright_core::effect::Effect;
-use wheelwright_diagnosis::effects::{ActuatorLag, VelocitySaturation};
+use wheelwright_diagnosis::effects::{
+    ActuatorLag, Axis, CastorDrag, CastorKind, CommandDelay, EncoderQuantisation, SlewLimit, VelocitySaturation,
+};
 use wheelwright_diagnosis::{Question, Verdict, diagnose};
 use wheelwright_models::VwPdConfig;
 
 use super::drive::{Drive, blur};
-use super::recorded::{NOISE, commands, driven};
+use super::recorded::{NOISE, TRACK, commands, counted, driven, model, names, record};
 
 /// Two lags in series are one mathematics either way round, but for what couples the outputs behind the first.
 #[test]
@@ -50,4 +52,61 @@ fn a_track_that_only_held_out_driving_shows_is_taken_from_it() {
     let said = answer.warnings.iter().find(|w| w.contains("holds on the held-out data")).unwrap();
     let width: f64 = said.split(" m, which").next().unwrap().rsplit(' ').next().unwrap().parse().unwrap();
     assert!((width / 0.9 - 1.0).abs() < 0.06, "{said}");
+}
+
+/// Speeds in whole counts of the wheels are differences of counts: late by half a sample for that, and not by a delay, whatever hides beside it.
+#[test]
+fn whole_counts_say_that_means_are_recorded() {
+    let (model, limit) = (model(), VelocitySaturation::default());
+    let library: Vec<Box<dyn Effect>> =
+        vec![Box::new(CommandDelay::default()), Box::new(VelocitySaturation::default()), Box::new(EncoderQuantisation::default())];
+    for seed in [41, 46] {
+        let data = counted(seed, 1600, &[(&limit, &[0.25])], 6e-4);
+        let mut question = Question::new(&*model, &data, &library);
+        question.track_width = Some(TRACK);
+        let answer = diagnose(&question).unwrap();
+        assert_eq!((answer.verdict, names(&answer)), (Verdict::Explained, vec!["velocity_saturation", "encoder_quantisation"]), "{seed}");
+    }
+}
+
+/// A ramp that forward driving never reaches in training limits the held-out driving: the same cause, and nothing against the explanation.
+#[test]
+fn what_limits_one_axis_may_limit_the_other_elsewhere() {
+    let ramp = |axis: Axis| SlewLimit { axis: Some(axis), ..SlewLimit::default() };
+    let (model, forward, turning) = (model(), ramp(Axis::V), ramp(Axis::Omega));
+    let recorded = |seed: u64, steps: bool| {
+        let mut random = StdRng::seed_from_u64(seed);
+        let mut stretch = commands(&mut random, 1600, true);
+        if !steps {
+            // Forward commands that change slowly.
+            let times = stretch.time.iter();
+            stretch.inputs[0] = times.map(|t| 0.2 * (1.0 - (0.7 * t).cos())).collect();
+        }
+        driven(NOISE, TRACK, &mut random, stretch, &[(&forward, &[0.5]), (&turning, &[2.0])], 0.0)
+    };
+    let (data, held) = (recorded(51, false), recorded(52, true));
+    let library: Vec<Box<dyn Effect>> = vec![Box::new(CommandDelay::default()), Box::new(ramp(Axis::V)), Box::new(ramp(Axis::Omega))];
+    let mut question = Question::new(&*model, &data, &library);
+    (question.held_out, question.track_width) = (Some(&held), Some(TRACK));
+    let answer = diagnose(&question).unwrap();
+    assert_eq!((answer.verdict, names(&answer)), (Verdict::Explained, vec!["slew_limit"]), "{} {:?}", answer.headline, answer.warnings);
+    let said = answer.warnings.iter().find(|w| w.contains("never reach")).unwrap();
+    assert!(said.contains("forward command changes by at most 0.5"), "{said}");
+}
+
+/// On the way from behind the axle to before it a castor does less and less: no step of a fit leads there.
+#[test]
+fn a_castor_ahead_of_the_axle_is_found_there() {
+    let (model, castor) = (model(), CastorDrag { kind: CastorKind::Swivel });
+    let kinds = [CastorKind::Swivel, CastorKind::Leading];
+    let library: Vec<Box<dyn Effect>> = kinds.into_iter().map(|kind| Box::new(CastorDrag { kind }) as Box<dyn Effect>).collect();
+    for place in [-0.29, 0.26] {
+        let data = record(61, 1600, true, &[(&castor, &[0.06, place, 0.05, 1e-4, 0.0, 0.4, 1.0])], 0.0);
+        let mut question = Question::new(&*model, &data, &library);
+        question.track_width = Some(TRACK);
+        let answer = diagnose(&question).unwrap();
+        assert_eq!(names(&answer), ["castor_drag"], "{}", answer.headline);
+        let found = answer.effects[0].values[1];
+        assert!((found / place - 1.0).abs() < 0.1, "{place}: {found}");
+    }
 }

@@ -7,7 +7,9 @@ use proptest::prelude::*;
 use wheelwright_core::effect::{Effect, EffectParameter, EffectSimulator, Estimate, Instant, Motion, Place, Scene, Stage, Start};
 use wheelwright_core::model::ModelError;
 use wheelwright_core::simulation::Readout;
-use wheelwright_diagnosis::effects::{ActuatorLag, CoulombFriction, CoulombFrictionOneWheel, StribeckFriction, Wheel, library};
+use wheelwright_diagnosis::effects::{
+    ActuatorLag, CastorDrag, CastorKind, CoulombFriction, CoulombFrictionOneWheel, StribeckFriction, Wheel, library,
+};
 
 /// The names of the contract (section 5).
 const NAMES: [&str; 29] = [
@@ -240,7 +242,9 @@ fn friction_never_drives() {
 fn responses_are_smooth_in_the_parameters_of_the_dynamics() {
     for rig in [body(), sides()] {
         let scene = rig.scene();
-        for effect in able(&scene).into_iter().filter(|e| e.stage().place() == Place::Dynamics) {
+        // A castor ahead of the axle is on its head when this drive reverses, and goes round one way or the other: its law is that of one behind.
+        let ahead = CastorDrag { kind: CastorKind::Leading }.about();
+        for effect in able(&scene).into_iter().filter(|e| e.stage().place() == Place::Dynamics && e.about() != ahead) {
             let (parameters, starts) = (effect.parameters(&scene), effect.starts(&scene));
             let start = &starts[starts.len() / 2].values;
             let mut simulator = EffectSimulator::new(&*rig.model, &rig.theta, &[&*effect], &scene).unwrap();

@@ -119,6 +119,26 @@ pub(crate) fn averaged(seed: u64, rows: usize, effects: &Hidden<'_>) -> Dataset 
     data
 }
 
+/// A recording of wheels whose encoders count in steps of so much travel: differences of whole counts.
+pub(crate) fn counted(seed: u64, rows: usize, effects: &Hidden<'_>, travel: f64) -> Dataset {
+    let mut data = record_with(0.0, TRACK, seed, rows, true, effects, 0.0);
+    let run = simulated(&data, TRACK, effects, Readout::IntervalMean);
+    let step = data.stretches[0].time[1] - data.stretches[0].time[0];
+    // Where the marks stand at the start.
+    let (mut way, mut counts) = ([0.3 * travel, 0.8 * travel], [0.0; 2]);
+    for (k, (v, omega)) in run[0].iter().zip(&run[1]).enumerate() {
+        let speeds = [v - 0.5 * TRACK * omega, v + 0.5 * TRACK * omega];
+        let seen = [0, 1].map(|side| {
+            way[side] += speeds[side] * step;
+            let before = std::mem::replace(&mut counts[side], (way[side] / travel).floor());
+            (counts[side] - before) * travel / step
+        });
+        data.stretches[0].outputs[0][k] = 0.5 * (seen[0] + seen[1]);
+        data.stretches[0].outputs[1][k] = (seen[1] - seen[0]) / TRACK;
+    }
+    data
+}
+
 pub(crate) fn ask(training: &Dataset, held_out: Option<&Dataset>) -> Diagnosis {
     let (model, library) = (model(), library());
     let mut question = Question::new(&*model, training, &library);

@@ -25,7 +25,7 @@ fn a_wider_law_that_explains_hardly_more_is_no_other_explanation() {
         Box::new(CoulombFrictionOneWheel { wheel: None }),
         Box::new(CoulombFrictionOneWheel { wheel: Some(Wheel::Left) }),
         Box::new(CoulombFrictionOneWheel { wheel: Some(Wheel::Right) }),
-        Box::new(DirectionAsymmetry {}),
+        Box::new(DirectionAsymmetry::default()),
     ];
     for seed in 1..=6 {
         let diagnosis = among(&library, &record(seed, 600, true, &[(&hidden, &[0.015, 1.0])], 0.0), None);
@@ -62,9 +62,9 @@ fn turning(seed: u64, backwards: f64, effects: &Hidden<'_>) -> Dataset {
 /// inner wheel of a turn one is taken off the other.
 #[test]
 fn friction_by_direction_and_rolling_resistance_are_one_until_the_robot_backs_up() {
-    let hidden = DirectionAsymmetry {};
+    let hidden = DirectionAsymmetry::default();
     let library: Vec<Box<dyn Effect>> =
-        vec![Box::new(CoulombFriction::default()), Box::new(RollingResistance {}), Box::new(DirectionAsymmetry {})];
+        vec![Box::new(CoulombFriction::default()), Box::new(RollingResistance {}), Box::new(DirectionAsymmetry::default())];
     for (backwards, verdict) in [(0.0, Verdict::Ambiguous), (0.5, Verdict::Explained)] {
         let diagnosis = among(&library, &turning(5, backwards, &[(&hidden, &[0.06, 0.02, 1.0])]), None);
         let mut told = names(&diagnosis);
@@ -100,8 +100,8 @@ fn what_the_training_data_do_not_show_of_an_explanation_does_not_speak_against_i
 /// recording that drives the other way asks for it.
 #[test]
 fn a_wider_law_takes_the_place_of_a_narrow_one_where_held_out_data_decisively_ask_for_it() {
-    let hidden = DirectionAsymmetry {};
-    let library: Vec<Box<dyn Effect>> = vec![Box::new(CoulombFriction::default()), Box::new(DirectionAsymmetry {})];
+    let hidden = DirectionAsymmetry::default();
+    let library: Vec<Box<dyn Effect>> = vec![Box::new(CoulombFriction::default()), Box::new(DirectionAsymmetry::default())];
     let values = [0.06, 0.047, 1.0];
     let training = turning(5, 0.05, &[(&hidden, &values)]);
     let backwards = turning(6, 1.0, &[(&hidden, &values)]);

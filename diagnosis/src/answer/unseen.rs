@@ -1,0 +1,64 @@
+//! The same cause elsewhere: what limits one axis limits the other as well, at a size that the training data need not reach for other driving to do so.
+
+use wheelwright_core::Dataset;
+use wheelwright_core::effect::{Estimate, Scene};
+
+use crate::fit::setting::Point;
+use crate::holdout::{Loss, mean};
+use crate::leeway::moved;
+use crate::residuals::Series;
+use crate::select::{Search, Selected, State};
+
+use super::findings::MENTIONED;
+use super::proof::proven;
+
+/// Another axis or side of a cause that was found.
+pub(super) struct Unseen {
+    /// What held-out data leave with it.
+    pub(super) losses: Vec<Loss>,
+    /// What it is there, in a sentence.
+    pub(super) statement: String,
+}
+
+/// Of the other axes and sides of what was found, at sizes of which the training data know nothing, the one with which the least is left of
+/// held-out data.
+pub(super) fn unseen(
+    search: &Search<'_>,
+    selected: &Selected,
+    data: &Dataset,
+    scene: &Scene,
+    losses: impl Fn(&Series) -> Vec<Loss>,
+) -> Option<Unseen> {
+    let left = |state: &State| mean(&losses(&proven(search, state, data, scene).simulated));
+    let kin = search.open.iter().copied().filter(|i| elsewhere(search, selected, *i));
+    let states = kin.flat_map(|i| out_of_reach(search, selected, i)).map(|state| (left(&state), state));
+    let (_, state) = states.min_by(|a, b| a.0.total_cmp(&b.0))?;
+    let there = moved(search, &state, data, scene, &selected.whitening.noise)?;
+    let effect = search.effect(*state.effects.last()?);
+    let values = &there.x[there.x.len() - effect.parameters(scene).len()..];
+    let estimates: Vec<Estimate> = values.iter().map(|value| Estimate { value: *value, ci95: None }).collect();
+    Some(Unseen { losses: losses(&there.simulated), statement: effect.statement(&estimates, search.setting.scene) })
+}
+
+/// Whether an effect is another part of a member's cause, which may stand beside it.
+fn elsewhere(search: &Search<'_>, selected: &Selected, effect: usize) -> bool {
+    let members = &selected.state.effects;
+    members.iter().any(|m| search.effect(*m).name() == search.effect(effect).name()) && search.joins(effect, members)
+}
+
+/// The selection with a further part of a cause that begins at a size, from each start at which the training data are as well explained with it as
+/// without. What is proportional shows in any driving.
+fn out_of_reach<'a>(search: &'a Search<'_>, selected: &'a Selected, effect: usize) -> impl Iterator<Item = State> + 'a {
+    let (state, noise) = (&selected.state, &selected.whitening.noise);
+    let at = move |effects: &[usize], x: Vec<f64>| {
+        let point = Point { x, starts: state.fit.point.starts.clone() };
+        search.at(effects, point, noise).map(|(_, fit)| fit)
+    };
+    let without = at(&state.effects, state.fit.point.x.clone()).map_or(f64::INFINITY, |fit| fit.likelihood(&search.setting));
+    let starts = search.effect(effect).starts(search.setting.scene).into_iter();
+    starts.filter(|start| !start.linear && !search.setting.exhausted()).filter_map(move |start| {
+        let effects = state.and(effect);
+        let fit = at(&effects, state.fit.point.x.iter().copied().chain(start.values).collect())?;
+        (without - fit.likelihood(&search.setting) < MENTIONED).then_some(State { effects, fit })
+    })
+}
