@@ -6,9 +6,7 @@
 //! * `reading`: y = (I + E) x, and the robot moves as if nothing was: the readout alone is wrong.
 //! * `ground`: the robot's own motion is recorded, and loops on the wheels keep rates that they take for x − E x. With K what they withdraw for
 //!   a unit of speed and B what the wheels' bearings use up besides, by virtual power u − K x − B becomes (I − E') (u − K x − B) + K E x + E B,
-//!   E' = (e/2) [0, h/ρ; ρ/h, 0]. Loops that integrate sum up what they take for their error, u − x + E x. A share σ of θ1 is inertia that goes round
-//!   with the wheels and their rotors, or what a loop takes off for their acceleration: it has the speeds that the loops see, and couples the axes by
-//!   θ7 = σ e h θ1 and θ8 = ρ θ7/h².
+//!   E' = (e/2) [0, h/ρ; ρ/h, 0]. Loops that integrate sum up what they take for their error, u − x + E x.
 //! * `encoders`: what the loops keep is recorded. The robot moves as in `ground`, with −e, and y = (I + E) x of its motion. Where nothing but
 //!   inertia acts on it, this couples the axes by θ7 = (e/2) h (θ1 + θ2/ρ) and θ8 = (e/2) (ρ θ1 + θ2)/h, to the letter what a centre of mass
 //!   to one side does (`lateral_com_offset`); a centre of mass ahead adds θ5 (e/2) v²/h. Only a measured pose tells the two apart, so that this
@@ -54,9 +52,6 @@ pub struct WheelRadiusMismatch {
     pub between: Option<(f64, f64)>,
 }
 
-/// Share of a robot's inertia that goes round with its wheels and motors, and how far it usually is from it.
-const ROTORS: (f64, f64) = (0.1, 0.1);
-
 impl WheelRadiusMismatch {
     /// e/2 of the wheels that the loops keep; `None` where the readout alone is wrong.
     fn kept(&self, p: &[f64]) -> Option<f64> {
@@ -100,18 +95,14 @@ impl Effect for WheelRadiusMismatch {
             Some(wheel) => error.of("wheel", wheel.word()),
             None => error,
         };
-        if self.speeds == Speeds::Reading {
-            return vec![error];
-        }
-        let share = EffectParameter::new("rotor_share", "1", (0.0, 1.0), 0.1).usually(ROTORS.0, ROTORS.1);
-        [error, share].into_iter().chain(force::turning_ratio(scene)).collect()
+        let ratio = force::turning_ratio(scene).filter(|_| self.speeds != Speeds::Reading);
+        std::iter::once(error).chain(ratio).collect()
     }
 
     fn starts(&self, scene: &Scene) -> Vec<Start> {
         let size = self.between.map_or(0.02, |(low, high)| 0.5 * (low + high));
-        let shapes = [ROTORS.0].into_iter().filter(|_| self.speeds != Speeds::Reading);
-        let ratio = force::turning_ratio(scene).filter(|_| self.speeds != Speeds::Reading).map(|_| 1.0);
-        vec![Start { values: std::iter::once(size).chain(shapes).chain(ratio).collect(), columns: vec![vec![0]], linear: true }]
+        let values = self.parameters(scene).iter().map(|p| if p.neutral.is_some() { size } else { 1.0 }).collect();
+        vec![Start { values, columns: vec![vec![0]], linear: true }]
     }
 
     fn statement(&self, values: &[Estimate], _scene: &Scene) -> String {
@@ -154,7 +145,7 @@ impl Effect for WheelRadiusMismatch {
     }
 
     fn drive(&self, p: &[f64], at: &Instant<'_>, motion: &Motion<'_>, _state: &[f64], drive: &mut [f64]) {
-        let (frame, h, ratio) = (&at.scene.frame, at.scene.frame.half_track(), p.get(2).copied().unwrap_or(1.0));
+        let (frame, h, ratio) = (&at.scene.frame, at.scene.frame.half_track(), p.get(1).copied().unwrap_or(1.0));
         let Some(half) = self.kept(p) else { return };
         let coupled = |pair| coupled(half, h, pair);
         // What the wheels pass on, and what their loops and bearings used up before: of that, the loops keep what they take for the robot's motion.
@@ -168,8 +159,6 @@ impl Effect for WheelRadiusMismatch {
         let seen = coupled(by_bearings);
         let changed = frame.from_body([0, 1].map(|i| seen[i] - taken[i]));
         drive.iter_mut().enumerate().for_each(|(i, drive)| *drive += changed[i] + unseen[i]);
-        let th7 = 2.0 * half * p[1] * force::inertia(frame, motion)[0] * h;
-        force::couple(frame, motion, th7, ratio * th7 / (h * h), drive);
     }
 
     fn deceives(&self) -> bool {
