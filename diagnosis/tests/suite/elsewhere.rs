@@ -11,7 +11,7 @@ use wheelwright_diagnosis::{Question, Verdict, diagnose};
 use wheelwright_models::VwPdConfig;
 
 use super::drive::{Drive, blur};
-use super::recorded::{NOISE, TRACK, commands, counted, driven, model, names, record};
+use super::recorded::{NOISE, TRACK, commands, counted, driven, half_averaged, model, names, record};
 
 /// Two lags in series are one mathematics either way round, but for what couples the outputs behind the first.
 #[test]
@@ -66,6 +66,20 @@ fn whole_counts_say_that_means_are_recorded() {
         question.track_width = Some(TRACK);
         let answer = diagnose(&question).unwrap();
         assert_eq!((answer.verdict, names(&answer)), (Verdict::Explained, vec!["velocity_saturation", "encoder_quantisation"]), "{seed}");
+    }
+}
+
+/// Where turning is gentle nothing tells whether it is read as a mean too; held-out steps do.
+#[test]
+fn a_reading_that_held_out_data_contradict_is_none() {
+    let (model, library): (_, Vec<Box<dyn Effect>>) = (model(), vec![Box::new(EncoderQuantisation::default())]);
+    let (data, held) = (half_averaged(71, 1600, false), half_averaged(72, 1600, true));
+    for (held_out, told) in [(None, true), (Some(&held), false)] {
+        let mut question = Question::new(&*model, &data, &library);
+        (question.held_out, question.track_width) = (held_out, Some(TRACK));
+        let answer = diagnose(&question).unwrap();
+        let means = answer.effects.iter().chain(&answer.partial).any(|e| e.name == "encoder_quantisation");
+        assert_eq!(means, told, "{}", answer.headline);
     }
 }
 

@@ -119,6 +119,21 @@ pub(crate) fn averaged(seed: u64, rows: usize, effects: &Hidden<'_>) -> Dataset 
     data
 }
 
+/// A recording of which forward speed is a mean over the interval and turning is not; turning is commanded in steps and driving gently, or the
+/// other way round.
+pub(crate) fn half_averaged(seed: u64, rows: usize, turns: bool) -> Dataset {
+    let mut random = StdRng::seed_from_u64(seed);
+    let mut stretch = commands(&mut random, rows, true);
+    let gently = |size: f64| stretch.time.iter().map(|t| size * (0.4 * t).sin()).collect();
+    let (input, slow) = if turns { (0, gently(0.4)) } else { (1, gently(0.8)) };
+    stretch.inputs[input] = slow;
+    let mut data = driven(0.0, TRACK, &mut random, stretch, &[], 0.0);
+    data.stretches[0].outputs[0] = simulated(&data, TRACK, &[], Readout::IntervalMean).swap_remove(0);
+    let run = data.stretches[0].outputs.iter_mut();
+    run.zip(noise_of(seed, rows)).for_each(|(run, noise)| run.iter_mut().zip(noise).for_each(|(x, n)| *x += n));
+    data
+}
+
 /// A recording of wheels whose encoders count in steps of so much travel: differences of whole counts.
 pub(crate) fn counted(seed: u64, rows: usize, effects: &Hidden<'_>, travel: f64) -> Dataset {
     let mut data = record_with(0.0, TRACK, seed, rows, true, effects, 0.0);
