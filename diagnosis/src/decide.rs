@@ -71,7 +71,7 @@ pub(crate) fn decide(weighed: Weighed<'_>) -> Decided {
     }
     if moved && transfer == Transfer::Open {
         let of_another_part =
-            |statement| format!("held-out driving shows more of it, at a size that the training data never reach: {statement}");
+            |statement| format!("held-out driving shows more of the same cause, where the training data never reach: {statement}");
         warnings.push(unseen.map_or_else(|| OPEN.to_owned(), of_another_part));
     }
     let verdict = match (nothing, left.is_empty()) {

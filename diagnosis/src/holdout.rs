@@ -95,6 +95,11 @@ impl Ground<'_> {
     }
 }
 
+/// Fit of a free run in percent, output by output.
+pub(crate) fn fits(data: &Dataset, simulated: &Series) -> Vec<f64> {
+    (0..data.outputs.len()).map(|c| percent(mean_square(data, simulated, c), variance(data, c))).collect()
+}
+
 fn percent(error: f64, variance: f64) -> f64 {
     if variance > 0.0 && error.is_finite() { 100.0 * (1.0 - (error / variance).sqrt()) } else { f64::NAN }
 }

@@ -4,7 +4,7 @@ use wheelwright_core::Dataset;
 use wheelwright_core::effect::{Estimate, Scene};
 
 use crate::fit::setting::Point;
-use crate::holdout::{Loss, mean};
+use crate::holdout::{Loss, fits, mean};
 use crate::leeway::moved;
 use crate::residuals::Series;
 use crate::select::{Search, Selected, State};
@@ -16,7 +16,7 @@ use super::proof::proven;
 pub(super) struct Unseen {
     /// What held-out data leave with it.
     pub(super) losses: Vec<Loss>,
-    /// What it is there, in a sentence.
+    /// What it is there, and the fit with it, in a sentence.
     pub(super) statement: String,
 }
 
@@ -37,7 +37,10 @@ pub(super) fn unseen(
     let effect = search.effect(*state.effects.last()?);
     let values = &there.x[there.x.len() - effect.parameters(scene).len()..];
     let estimates: Vec<Estimate> = values.iter().map(|value| Estimate { value: *value, ci95: None }).collect();
-    Some(Unseen { losses: losses(&there.simulated), statement: effect.statement(&estimates, search.setting.scene) })
+    let statement = effect.statement(&estimates, search.setting.scene);
+    let fits = data.outputs.iter().zip(fits(data, &there.simulated)).map(|(output, fit)| format!("{} {fit:.1} %", output.name));
+    let statement = format!("{statement}; with it the fit there is {}", fits.collect::<Vec<_>>().join(", "));
+    Some(Unseen { losses: losses(&there.simulated), statement })
 }
 
 /// Whether an effect is another part of a member's cause, which may stand beside it.
