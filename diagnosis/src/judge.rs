@@ -52,10 +52,13 @@ pub(crate) fn judged(question: &Question<'_>, search: &Search<'_>, mut selected:
 /// The selection with a law in a member's place that contains it, where the held-out data decisively ask for one: what it explains beyond the
 /// narrow one on the training data was too little to be more than the imperfect form of that.
 pub(crate) fn widened(question: &Question<'_>, search: &Search<'_>, selected: &Selected) -> Option<Selected> {
-    let bench = Bench::new(question, search, selected).filter(|bench| bench.missed(search, selected))?;
+    let bench = Bench::new(question, search, selected)?;
+    let own = bench.with_leeway(search, &selected.state);
+    if !bench.decisive(bench.floor, own) {
+        return None;
+    }
     let wider = (search.fixed(selected)..selected.state.effects.len()).flat_map(|member| search.wider(selected, member));
     // As it was fitted a wider law says nothing where what it has beyond the narrow one is what the training data do not show.
-    let own = bench.with_leeway(search, &selected.state);
     let losses = wider.map(|wide| (bench.with_leeway(search, &wide.state), wide)).filter(|(loss, _)| bench.decisive(*loss, own));
     losses.min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, wide)| exchanged(&bench, search, wide))
 }

@@ -1,7 +1,7 @@
 //! The same cause elsewhere: what limits one axis limits the other as well, at a size that the training data need not reach for other driving to do so.
 
 use wheelwright_core::Dataset;
-use wheelwright_core::effect::{Estimate, Scene};
+use wheelwright_core::effect::{Estimate, Scene, Start};
 
 use crate::fit::setting::Point;
 use crate::holdout::{Loss, fits, mean};
@@ -29,9 +29,13 @@ pub(super) fn unseen(
     scene: &Scene,
     losses: impl Fn(&Series) -> Vec<Loss>,
 ) -> Option<Unseen> {
+    let kin: Vec<(usize, Start)> =
+        search.open.iter().filter(|i| elsewhere(search, selected, **i)).flat_map(|i| begin(search, *i)).collect();
+    if kin.is_empty() {
+        return None;
+    }
     let left = |state: &State| mean(&losses(&proven(search, state, data, scene).simulated));
-    let kin = search.open.iter().copied().filter(|i| elsewhere(search, selected, *i));
-    let states = kin.flat_map(|i| out_of_reach(search, selected, i)).map(|state| (left(&state), state));
+    let states = out_of_reach(search, selected, kin)?.map(|state| (left(&state), state));
     let (_, state) = states.min_by(|a, b| a.0.total_cmp(&b.0))?;
     let there = moved(search, &state, data, scene, &selected.whitening.noise)?;
     let effect = search.effect(*state.effects.last()?);
@@ -49,19 +53,28 @@ fn elsewhere(search: &Search<'_>, selected: &Selected, effect: usize) -> bool {
     members.iter().any(|m| search.effect(*m).name() == search.effect(effect).name()) && search.joins(effect, members)
 }
 
-/// The selection with a further part of a cause that begins at a size, from each start at which the training data are as well explained with it as
-/// without. What is proportional shows in any driving.
-fn out_of_reach<'a>(search: &'a Search<'_>, selected: &'a Selected, effect: usize) -> impl Iterator<Item = State> + 'a {
+/// The starts of an effect that begins at a size: what is proportional shows in any driving.
+fn begin(search: &Search<'_>, effect: usize) -> impl Iterator<Item = (usize, Start)> {
+    let starts = search.effect(effect).starts(search.setting.scene).into_iter();
+    starts.filter(|start| !start.linear).map(move |start| (effect, start))
+}
+
+/// The selection with a further part of a cause, from each start at which the training data are as well explained with it as without.
+fn out_of_reach<'a>(
+    search: &'a Search<'_>,
+    selected: &'a Selected,
+    kin: Vec<(usize, Start)>,
+) -> Option<impl Iterator<Item = State> + use<'a>> {
     let (state, noise) = (&selected.state, &selected.whitening.noise);
     let at = move |effects: &[usize], x: Vec<f64>| {
         let point = Point { x, starts: state.fit.point.starts.clone() };
         search.at(effects, point, noise).map(|(_, fit)| fit)
     };
-    let without = at(&state.effects, state.fit.point.x.clone()).map_or(f64::INFINITY, |fit| fit.likelihood(&search.setting));
-    let starts = search.effect(effect).starts(search.setting.scene).into_iter();
-    starts.filter(|start| !start.linear && !search.setting.exhausted()).filter_map(move |start| {
+    let without = at(&state.effects, state.fit.point.x.clone())?.likelihood(&search.setting);
+    let tried = kin.into_iter().filter(|_| !search.setting.exhausted());
+    Some(tried.filter_map(move |(effect, start)| {
         let effects = state.and(effect);
         let fit = at(&effects, state.fit.point.x.iter().copied().chain(start.values).collect())?;
         (without - fit.likelihood(&search.setting) < MENTIONED).then_some(State { effects, fit })
-    })
+    }))
 }

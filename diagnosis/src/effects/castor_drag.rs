@@ -69,6 +69,20 @@ impl CastorDrag {
             CastorKind::Ball => 3,
         }
     }
+
+    /// A castor in a fork, with each of these trails and distances, in half tracks.
+    fn pivoted(&self, scene: &Scene, places: &[(f64, f64)]) -> Vec<Start> {
+        let (all, h, drag) = (self.parameters(scene), scene.frame.half_track(), 0.05 * force::command(scene, 0));
+        let from = |(l, d): &(f64, f64)| Start {
+            values: [drag, d * h, l * h, all[SWIVEL].scale, all[DAMPING].scale, 0.0]
+                .into_iter()
+                .chain(all.get(RATIO).map(|_| 1.0))
+                .collect(),
+            columns: vec![vec![DRAG], vec![SWIVEL], vec![DAMPING]],
+            linear: true,
+        };
+        places.iter().map(from).collect()
+    }
 }
 
 #[typetag::serde(name = "castor_drag")]
@@ -127,22 +141,8 @@ impl Effect for CastorDrag {
     fn starts(&self, scene: &Scene) -> Vec<Start> {
         let (h, drag) = (scene.frame.half_track(), 0.05 * force::command(scene, 0));
         match self.kind {
-            CastorKind::Swivel | CastorKind::Leading => {
-                let all = self.parameters(scene);
-                let from = |(l, d): (f64, f64)| Start {
-                    values: [drag, d * h, l * h, all[SWIVEL].scale, all[DAMPING].scale, 0.0]
-                        .into_iter()
-                        .chain(all.get(RATIO).map(|_| 1.0))
-                        .collect(),
-                    columns: vec![vec![DRAG], vec![SWIVEL], vec![DAMPING]],
-                    linear: true,
-                };
-                let places: &[(f64, f64)] = match self.kind {
-                    CastorKind::Leading => &[(0.08, -1.5), (0.18, -1.0), (0.2, -1.6), (0.4, -1.3)],
-                    _ => &[(0.08, 1.5), (0.18, 0.9), (0.18, 1.4), (0.4, 0.8), (0.4, 1.3), (0.2, -1.1)],
-                };
-                places.iter().copied().map(from).collect()
-            }
+            CastorKind::Swivel => self.pivoted(scene, &[(0.08, 1.5), (0.18, 0.9), (0.18, 1.4), (0.4, 0.8), (0.4, 1.3), (0.2, -1.1)]),
+            CastorKind::Leading => self.pivoted(scene, &[(0.08, -1.5), (0.18, -1.0), (0.2, -1.6), (0.4, -1.3)]),
             CastorKind::Ball => [0.8, 1.4].into_iter().flat_map(|d| force::starts(scene, &[drag, d * h, 0.0], &[vec![DRAG]])).collect(),
         }
     }

@@ -49,16 +49,15 @@ impl Effect for CoulombFriction {
     }
 
     fn starts(&self, scene: &Scene) -> Vec<Start> {
-        if self.soft {
-            return force::starts(scene, &[0.05 * scene.scales.command, force::softness(scene).scale], &[vec![0]]);
-        }
-        let scales: Vec<f64> = self.parameters(scene).iter().filter(|p| p.neutral.is_some()).map(|p| p.scale).collect();
-        force::starts(scene, &scales, &(0..scales.len()).map(|i| vec![i]).collect::<Vec<_>>())
+        let sizes = force::sizes(scene, "friction");
+        let soft = self.soft.then(|| force::softness(scene));
+        let scales: Vec<f64> = sizes.iter().chain(&soft).map(|p| p.scale).collect();
+        force::starts(scene, &scales, &(0..sizes.len()).map(|i| vec![i]).collect::<Vec<_>>())
     }
 
     fn statement(&self, values: &[Estimate], scene: &Scene) -> String {
         let whose = if scene.frame.has_wheels() { "at each wheel".to_owned() } else { format!("on `{}`", scene.outputs[0].name) };
-        let comes_up = if self.soft { force::comes_up(values[1]) } else { String::new() };
+        let comes_up = force::comes_up(self.soft.then(|| values[1]));
         format!("dry friction {whose} uses up {}{comes_up}; the model had none", force::in_words(values[0], scene))
     }
 
@@ -93,9 +92,8 @@ impl Effect for CoulombFriction {
     }
 
     fn load(&self, p: &[f64], at: &Instant<'_>, outputs: &[f64], _state: &[f64], load: &mut [f64]) {
-        match self.soft {
-            false => force::at_contacts(at, outputs, p.get(1), load, |contact, _, sign| p[contact] * sign),
-            true => force::at_contacts(at, outputs, p.get(2), load, |_, speed, _| p[0] * speed / speed.hypot(p[1])),
-        }
+        let n = force::contacts(at.scene);
+        let (ratio, comes_up_by) = (p.get(n + usize::from(self.soft)), self.soft.then(|| p[n]));
+        force::at_contacts(at, outputs, ratio, comes_up_by, load, |contact, _, sign| p[contact] * sign);
     }
 }

@@ -50,13 +50,9 @@ impl Effect for DirectionAsymmetry {
     }
 
     fn starts(&self, scene: &Scene) -> Vec<Start> {
-        if self.soft {
-            let size = 0.05 * scene.scales.command;
-            return force::starts(scene, &[size, size, force::softness(scene).scale], &[vec![0], vec![1]]);
-        }
-        let forward: Vec<f64> = force::sizes(scene, "").iter().map(|p| p.scale).collect();
-        let both = [forward.clone(), forward].concat();
-        force::starts(scene, &both, &(0..both.len()).map(|i| vec![i]).collect::<Vec<_>>())
+        let (sizes, soft) = (force::sizes(scene, ""), self.soft.then(|| force::softness(scene)));
+        let scales: Vec<f64> = sizes.iter().chain(&sizes).chain(&soft).map(|p| p.scale).collect();
+        force::starts(scene, &scales, &(0..2 * sizes.len()).map(|i| vec![i]).collect::<Vec<_>>())
     }
 
     fn statement(&self, values: &[Estimate], scene: &Scene) -> String {
@@ -66,7 +62,7 @@ impl Effect for DirectionAsymmetry {
             "rolling {harder} is harder: dry friction uses up {} of the command forwards and {} backwards{}; the model had none",
             quantity(forward, force::unit(scene)),
             quantity(backward, force::unit(scene)),
-            if self.soft { force::comes_up(values[2]) } else { String::new() }
+            force::comes_up(self.soft.then(|| values[2]))
         )
     }
 
@@ -97,12 +93,9 @@ impl Effect for DirectionAsymmetry {
     }
 
     fn load(&self, p: &[f64], at: &Instant<'_>, outputs: &[f64], _state: &[f64], load: &mut [f64]) {
-        if self.soft {
-            let size = |speed: f64| if speed > 0.0 { p[0] } else { p[1] };
-            return force::at_contacts(at, outputs, p.get(3), load, |_, speed, _| size(speed) * speed / speed.hypot(p[2]));
-        }
         let n = force::contacts(at.scene);
-        force::at_contacts(at, outputs, p.get(2 * n), load, |contact, _, sign| {
+        let (ratio, comes_up_by) = (p.get(2 * n + usize::from(self.soft)), self.soft.then(|| p[2 * n]));
+        force::at_contacts(at, outputs, ratio, comes_up_by, load, |contact, _, sign| {
             let (forward, backward) = (p[contact], p[n + contact]);
             sign * if sign > 0.0 { forward } else { backward }
         });

@@ -130,9 +130,9 @@ pub(super) fn softness(scene: &Scene) -> EffectParameter {
     EffectParameter::new("comes_up_by", "m/s", (KINK * speed, 2.0 * speed), 0.15 * speed)
 }
 
-/// How a friction comes up, in words.
-pub(super) fn comes_up(by: Estimate) -> String {
-    format!(", not at once but with speed: seven tenths of it at {}", quantity(by, "m/s"))
+/// How a friction comes up by some speed, in words; nothing where it is whole at once.
+pub(super) fn comes_up(by: Option<Estimate>) -> String {
+    by.map_or_else(String::new, |by| format!(", not at once but with speed: seven tenths of it at {}", quantity(by, "m/s")))
 }
 
 /// In the body frame the two axes have control loops of their own: the same force counts this many times as much in turning as it
@@ -166,16 +166,25 @@ pub(super) fn slides(scene: &Scene, outputs: &[f64], [drag, distance]: [f64; 2],
     scene.frame.add_at_body([drag * v / slide, turn], load);
 }
 
-/// Adds a friction at every contact; `law(contact, speed, sign)` is its size, `contact` the one of [`sizes`], `sign` smooth.
-pub(super) fn at_contacts(at: &Instant<'_>, outputs: &[f64], ratio: Option<&f64>, load: &mut [f64], law: impl Fn(usize, f64, f64) -> f64) {
+/// Adds a friction at every contact; `law(contact, speed, sign)` is its size, `contact` the one of [`sizes`], `sign` smooth: within the kink, or
+/// as a friction that [comes up by](softness) some speed has it.
+pub(super) fn at_contacts(
+    at: &Instant<'_>,
+    outputs: &[f64],
+    ratio: Option<&f64>,
+    comes_up_by: Option<f64>,
+    load: &mut [f64],
+    law: impl Fn(usize, f64, f64) -> f64,
+) {
     let scene = at.scene;
+    let sign = |speed: f64, typical: f64| comes_up_by.map_or_else(|| smooth_sign(speed, typical), |by| speed / speed.hypot(by));
     if scene.frame.has_wheels() {
         let typical = scene.scales.speed;
-        let forces = scene.frame.wheels(outputs).map(|s| law(0, s, smooth_sign(s, typical)));
+        let forces = scene.frame.wheels(outputs).map(|s| law(0, s, sign(s, typical)));
         scene.frame.add_at_wheels(forces, ratio.copied().unwrap_or(1.0), load);
     } else {
         for (i, (load, x)) in load.iter_mut().zip(outputs).enumerate() {
-            *load += law(i, *x, smooth_sign(*x, scene.scales.outputs[i]));
+            *load += law(i, *x, sign(*x, scene.scales.outputs[i]));
         }
     }
 }

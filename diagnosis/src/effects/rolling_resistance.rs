@@ -98,6 +98,6 @@ impl Effect for RollingResistance {
     fn load(&self, p: &[f64], at: &Instant<'_>, outputs: &[f64], _state: &[f64], load: &mut [f64]) {
         let ratio = p.get(RATIO);
         force::slides(at.scene, outputs, [p[CARRIED], p[DISTANCE]], ratio, load);
-        force::at_contacts(at, outputs, ratio, load, |_, _, sign| p[DRIVEN] * sign);
+        force::at_contacts(at, outputs, ratio, None, load, |_, _, sign| p[DRIVEN] * sign);
     }
 }

@@ -105,6 +105,6 @@ impl Effect for StribeckFriction {
     }
 
     fn load(&self, p: &[f64], at: &Instant<'_>, outputs: &[f64], _state: &[f64], load: &mut [f64]) {
-        force::at_contacts(at, outputs, p.get(3), load, |_, speed, sign| sign * (p[0] + p[1] * (-(speed / p[2]).powi(2)).exp()));
+        force::at_contacts(at, outputs, p.get(3), None, load, |_, speed, sign| sign * (p[0] + p[1] * (-(speed / p[2]).powi(2)).exp()));
     }
 }

@@ -50,16 +50,14 @@ const UP_TO_THEM: [f64; 2] = [0.3, 1.0];
 /// Back-EMF in terms of a loop's gain on most robots: what their speed falls short of the command.
 const BACK_EMF: f64 = 0.05;
 
-impl TorqueSaturation {
-    /// Where a limit of power is tried.
-    fn powers(&self, scene: &Scene) -> Vec<Start> {
-        let at = |limit: f64, base: f64| Start {
-            values: vec![limit * scene.scales.command, 1.0, 0.0, base * scene.scales.speed],
-            columns: vec![vec![0]],
-            linear: false,
-        };
-        BASES.iter().flat_map(|base| UP_TO_THEM.map(|limit| at(limit, *base))).collect()
-    }
+/// Where a limit of power is tried.
+fn powers(scene: &Scene) -> Vec<Start> {
+    let at = |limit: f64, base: f64| Start {
+        values: vec![limit * scene.scales.command, 1.0, 0.0, base * scene.scales.speed],
+        columns: vec![vec![0]],
+        linear: false,
+    };
+    BASES.iter().flat_map(|base| UP_TO_THEM.map(|limit| at(limit, *base))).collect()
 }
 
 #[typetag::serde(name = "torque_saturation")]
@@ -121,7 +119,7 @@ impl Effect for TorqueSaturation {
 
     fn starts(&self, scene: &Scene) -> Vec<Start> {
         if self.law == TorqueLaw::Power {
-            return self.powers(scene);
+            return powers(scene);
         }
         let by_wheel = self.law == TorqueLaw::Wheels;
         let (wheels, n) = (matches!(scene.frame, Frame::Body { .. }) && by_wheel, scene.inputs.len());

@@ -110,11 +110,16 @@ pub(crate) fn noise_of(seed: u64, rows: usize) -> Vec<Vec<f64>> {
     pairs.map(|(noisy, clean)| noisy.iter().zip(clean).map(|(n, c)| n - c).collect()).collect()
 }
 
+/// Adds the noise of a recording to a run.
+fn add_noise(run: &mut [Vec<f64>], seed: u64, rows: usize) {
+    run.iter_mut().zip(noise_of(seed, rows)).for_each(|(run, noise)| run.iter_mut().zip(noise).for_each(|(x, n)| *x += n));
+}
+
 /// A recording whose outputs are means over the interval.
 pub(crate) fn averaged(seed: u64, rows: usize, effects: &Hidden<'_>) -> Dataset {
     let mut data = record_with(0.0, TRACK, seed, rows, true, effects, 0.0);
     let mut run = simulated(&data, TRACK, effects, Readout::IntervalMean);
-    run.iter_mut().zip(noise_of(seed, rows)).for_each(|(run, noise)| run.iter_mut().zip(noise).for_each(|(x, n)| *x += n));
+    add_noise(&mut run, seed, rows);
     data.stretches[0].outputs = run;
     data
 }
@@ -129,8 +134,7 @@ pub(crate) fn half_averaged(seed: u64, rows: usize, turns: bool) -> Dataset {
     stretch.inputs[input] = slow;
     let mut data = driven(0.0, TRACK, &mut random, stretch, &[], 0.0);
     data.stretches[0].outputs[0] = simulated(&data, TRACK, &[], Readout::IntervalMean).swap_remove(0);
-    let run = data.stretches[0].outputs.iter_mut();
-    run.zip(noise_of(seed, rows)).for_each(|(run, noise)| run.iter_mut().zip(noise).for_each(|(x, n)| *x += n));
+    add_noise(&mut data.stretches[0].outputs, seed, rows);
     data
 }
 
