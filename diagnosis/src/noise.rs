@@ -183,6 +183,14 @@ impl Noise {
     }
 }
 
+/// A whitening of one output's series by their own past, as a rest has it in which `taken` degrees of freedom were fitted.
+pub(crate) fn whitener(rest: &[&[f64]], taken: f64) -> impl Fn(&mut [f64]) + use<> {
+    let rows: usize = rest.iter().map(|part| part.len()).sum();
+    let (filter, _, innovation) = Filter::estimate(rest, rows, 0.0);
+    let deviation = (innovation * rows as f64 / (rows as f64 - taken).max(1.0)).sqrt();
+    move |series| filter.apply(series, deviation)
+}
+
 /// Sum of squares.
 fn squares(parts: &[&[f64]]) -> f64 {
     parts.iter().copied().flatten().map(|x| x * x).sum()

@@ -3,12 +3,17 @@
 //! A battery of features of motion, command, time and heading is passed through each output's own lag (a force shows only
 //! behind it), whitened as the residual was, and cleared of everything the fit could have absorbed. The energy T of the whitened residual in their
 //! span has, where nothing is left, as many degrees of freedom as features: z = (T − df)/√(2 df).
+//!
+//! Misfit makes noise of itself: an autoregression of the residual takes it for slow noise, and whitening with that hides it. So all is
+//! whitened once more by the past of what the features leave over, as a Wald test has it and a score test has not.
 
 use nalgebra::DMatrix;
 use wheelwright_core::Stretch;
 
 use super::Jitter;
 use crate::comparison::{Channels, Comparison};
+use crate::fit::algebra::gram;
+use crate::noise::whitener;
 
 /// z above which something is left. The law of T is exact for known noise; with an autoregression estimated from the same
 /// residual, the largest z of a hundred clean recordings is 6 to 7 (documented with the other thresholds).
@@ -88,13 +93,8 @@ fn output_energy(
     if let Some(weights) = weights {
         matrix.row_iter_mut().zip(weights).for_each(|(mut row, w)| row *= w);
     }
-    for mut column in matrix.columns_mut(known, count).column_iter_mut() {
-        let norm = column.norm();
-        if norm > 0.0 {
-            column /= norm;
-        }
-    }
-    let upper = matrix.qr().r();
+    rewhiten(&mut matrix, &ranges);
+    let upper = triangle(&mut matrix);
     let last = upper.ncols() - 1;
     let mut row = known;
     let names = groups.first().map(|g| g.iter().map(|(name, f)| (*name, f.len())).collect::<Vec<_>>()).unwrap_or_default();
@@ -102,7 +102,7 @@ fn output_energy(
     for (name, features) in names {
         let (mut energy, mut df) = (0.0, 0.0);
         for _ in 0..features {
-            if row < upper.nrows().min(last) && upper[(row, row)].abs() > SPENT {
+            if upper[(row, row)] > 0.0 {
                 energy += upper[(row, last)].powi(2);
                 df += 1.0;
             }
@@ -111,6 +111,59 @@ fn output_energy(
         parts.push((name, energy, df));
     }
     parts
+}
+
+/// Whitens all columns by the past of what the last one has beyond the others; rows in stretches.
+fn rewhiten(matrix: &mut DMatrix<f64>, stretches: &[std::ops::Range<usize>]) {
+    let upper = triangle(matrix);
+    let last = matrix.ncols() - 1;
+    let (mut rest, mut right) = (matrix.column(last).into_owned(), upper.column(last).into_owned());
+    let told: Vec<usize> = (0..last).filter(|j| upper[(*j, *j)] > 0.0).collect();
+    for &j in told.iter().rev() {
+        let amplitude = right[j] / upper[(j, j)];
+        rest.axpy(-amplitude, &matrix.column(j), 1.0);
+        right.axpy(-amplitude, &upper.column(j), 1.0);
+    }
+    let rest: Vec<&[f64]> = stretches.iter().map(|rows| &rest.as_slice()[rows.clone()]).collect();
+    let whiten = whitener(&rest, told.len() as f64);
+    for mut column in matrix.column_iter_mut() {
+        stretches.iter().for_each(|rows| whiten(&mut column.as_mut_slice()[rows.clone()]));
+    }
+}
+
+/// The triangular factor of columns of which all but the last are brought to length one; zero on the diagonal where one says nothing of its own.
+fn triangle(matrix: &mut DMatrix<f64>) -> DMatrix<f64> {
+    let (rows, size) = matrix.shape();
+    for mut column in matrix.columns_mut(0, size - 1).column_iter_mut() {
+        let norm = column.norm();
+        if norm > 0.0 {
+            column /= norm;
+        }
+    }
+    let columns: Vec<&[f64]> = matrix.as_slice().chunks_exact(rows).collect();
+    let mut upper = gram(&columns, std::slice::from_ref(&(0..rows)), &[1.0]);
+    for j in 0..size {
+        for i in 0..=j {
+            let own = upper[(i, j)] - (0..i).map(|k| upper[(k, i)] * upper[(k, j)]).sum::<f64>();
+            upper[(i, j)] = match (i == j, upper[(i, i)]) {
+                (true, _) => {
+                    if own > SPENT * SPENT {
+                        own.sqrt()
+                    } else {
+                        0.0
+                    }
+                }
+                (false, diagonal) => {
+                    if diagonal > 0.0 {
+                        own / diagonal
+                    } else {
+                        0.0
+                    }
+                }
+            };
+        }
+    }
+    upper
 }
 
 /// A force's response: y' = −rate y + force, with the force held between samples.

@@ -7,6 +7,7 @@ use wheelwright_models::VwPdConfig;
 
 use super::*;
 use crate::fixture::{Case, NOISE, RADIUS, THETA, TRACK, normal};
+use crate::noise::whitener;
 
 #[test]
 fn clean_recordings_raise_no_alarm() {
@@ -83,6 +84,38 @@ fn coloured(coefficient: f64) -> impl FnMut(usize, &mut StdRng) -> f64 {
     move |i, random| {
         state[i] = coefficient * state[i] + (1.0 - coefficient * coefficient).sqrt() * normal(random);
         state[i]
+    }
+}
+
+/// The structure of a rest that is whitened by its own past, whatever makes it.
+fn whitened_by_itself(case: &Case) -> Structure {
+    case.compare(None, |c| {
+        let by_its_past = |i: usize| whitener(&c.white.iter().map(|stretch| &stretch[i][..]).collect::<Vec<_>>(), 0.0);
+        let past = [by_its_past(0), by_its_past(1)];
+        let mut white = c.white.to_vec();
+        white.iter_mut().flat_map(|stretch| stretch.iter_mut().zip(&past)).for_each(|(series, past)| past(series));
+        let mut jacobian = c.jacobian.to_vec();
+        for (matrix, past) in jacobian.iter_mut().zip(&past) {
+            for mut column in matrix.column_iter_mut() {
+                c.ranges().into_iter().for_each(|rows| past(&mut column.as_mut_slice()[rows]));
+            }
+        }
+        let whiten = |i: usize, series: &mut [f64]| {
+            (c.whiten)(i, series);
+            past[i](series);
+        };
+        structure::measure(&Comparison { white: &white, whiten: &whiten, jacobian: &jacobian, ..*c }, None)
+    })
+}
+
+#[test]
+fn misfit_that_passes_for_slow_noise_is_structure_and_slow_noise_is_none() {
+    for seed in 0..10 {
+        let mut noise = coloured(0.9);
+        let sensors = Case::new(seed, |_, i, y, _, random| y + NOISE[i] * noise(i, random));
+        let dragged = Case::new(seed, |_, i, y, _, random| y + NOISE[i] * normal(random) - if i == 0 { 0.2 * y * y.abs() } else { 0.0 });
+        let [slow, misfit] = [sensors, dragged].map(|case| whitened_by_itself(&case));
+        assert!(slow.z < 4.0 && misfit.significant(), "{seed}: {slow:?} {misfit:?}");
     }
 }
 

@@ -92,16 +92,18 @@ impl Proven {
             let gain = search.gain(&selected.state.fit, rest);
             BorneOut::new(&selected.whitening.noise, &shifted, &after.simulated, &without.simulated, gain).refuted()
         };
-        let with_leeway = || {
+        let holds = |after: &[Loss]| transfer(&left[0], after, &floor) == Transfer::Holds;
+        let with_leeway = |state: &State| {
             // What parameters cost at their true values, and what the imperfect form of a law makes of them.
             let most = affordable(selected.state.fit.rank(setting)) + SHARE * selected.gained(setting, &selected.state.fit);
-            let leeway = moved_within(most, search, &selected.state, &shifted, &scene, &selected.whitening.noise);
-            leeway.map(|there| losses(&shifted, &there.simulated, noise, jitter))
+            let there = moved_within(most, search, state, &shifted, &scene, &selected.whitening.noise);
+            there.is_some_and(|there| holds(&losses(&shifted, &there.simulated, noise, jitter)))
         };
-        let holds = |after: &[Loss]| transfer(&left[0], after, &floor) == Transfer::Holds;
+        // Leeway that saves the base model as well speaks for nothing that was added to it.
+        let saved = || with_leeway(&selected.state) && !with_leeway(&State { effects: Vec::new(), fit: selected.base.clone() });
         made.transfer = match transfer(&left[0], &left[1], &floor) {
             _ if withouts.iter().flatten().any(refuted) => Transfer::Fails,
-            Transfer::Fails if with_leeway().is_some_and(|after| holds(&after)) => Transfer::Open,
+            Transfer::Fails if saved() => Transfer::Open,
             Transfer::Fails => {
                 let there = unseen(search, selected, &shifted, &scene, |run| losses(&shifted, run, noise, jitter));
                 made.unseen = there.filter(|there| holds(&there.losses)).map(|there| there.statement);

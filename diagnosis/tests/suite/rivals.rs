@@ -4,7 +4,9 @@ use rand::rngs::StdRng;
 use rand::{Rng, SeedableRng};
 use wheelwright_core::effect::Effect;
 use wheelwright_core::{Dataset, Stretch};
-use wheelwright_diagnosis::effects::{CoulombFriction, CoulombFrictionOneWheel, DirectionAsymmetry, RollingResistance, Wheel};
+use wheelwright_diagnosis::effects::{
+    CommandOffset, CoulombFriction, CoulombFrictionOneWheel, DirectionAsymmetry, RollingResistance, Wheel,
+};
 use wheelwright_diagnosis::{Diagnosis, Question, Verdict, diagnose};
 
 use crate::recorded::{Hidden, NOISE, TRACK, driven, model, names, record};
@@ -93,6 +95,22 @@ fn what_the_training_data_do_not_show_of_an_explanation_does_not_speak_against_i
             diagnosis.headline
         );
         assert!(diagnosis.warnings.iter().any(|w| w.contains("hardly show")), "{seed}: {:?}", diagnosis.warnings);
+    }
+}
+
+/// A friction that no reversal shows passes for an offset, which fails where the robot backs up. That with the leeway of its parameters it would
+/// not is no merit of it where the model without it has as much.
+#[test]
+fn leeway_that_saves_the_base_model_as_well_speaks_for_no_effect() {
+    let hidden = CoulombFriction::default();
+    let library: Vec<Box<dyn Effect>> = vec![Box::new(CommandOffset {})];
+    for seed in [7, 9, 10] {
+        let values = [0.008, 1.0];
+        let training = record(seed, 1200, false, &[(&hidden, &values)], 0.0);
+        let held = record(seed + 100, 600, true, &[(&hidden, &values)], 0.0);
+        let diagnosis = among(&library, &training, Some(&held));
+        let partial: Vec<&str> = diagnosis.partial.iter().map(|e| e.name.as_str()).collect();
+        assert_eq!((diagnosis.verdict, partial), (Verdict::Unexplained, vec!["command_offset"]), "{seed}: {}", diagnosis.headline);
     }
 }
 
