@@ -60,7 +60,7 @@ impl Noise {
         let mut noise = Self::white(&vec![1.0; n], layout);
         for c in 0..n {
             let parts: Vec<&[f64]> = (0..layout.stretches()).map(|s| &residual[layout.settled(c, s)]).collect();
-            let (filter, variance, innovation) = Filter::estimate(&parts, layout.counted(), floor[c]);
+            let (filter, variance, innovation) = Filter::estimate(&parts, layout.counted(), floor[c], |_| 0.0);
             let correction = layout.counted() as f64 / left;
             noise.filters[c] = filter;
             noise.deviation[c] = (variance * correction).sqrt().max(floor[c]);
@@ -183,17 +183,34 @@ impl Noise {
     }
 }
 
-/// A whitening of one output's series by their own past, as a rest has it in which `taken` degrees of freedom were fitted.
-pub(crate) fn whitener(rest: &[&[f64]], taken: f64) -> impl Fn(&mut [f64]) + use<> {
+/// A whitening of one output's series by their own past, as the rest of a regression of innovations on orthonormal columns has it, stretch by
+/// stretch. What the columns take they take at all lags: of innovations that were white already their own products, to which those of the
+/// rest are short.
+pub(crate) fn whitener(rest: &[&[f64]], columns: &[Vec<&[f64]>]) -> impl Fn(&mut [f64]) + use<> {
     let rows: usize = rest.iter().map(|part| part.len()).sum();
-    let (filter, _, innovation) = Filter::estimate(rest, rows, 0.0);
-    let deviation = (innovation * rows as f64 / (rows as f64 - taken).max(1.0)).sqrt();
+    let taken: Vec<f64> = (0..=LONGEST).map(|lag| columns.iter().map(|column| products(column, lag)).sum()).collect();
+    let left = (rows as f64 - taken[0]).max(1.0);
+    let short = squares(rest) / left;
+    let (filter, _, innovation) = Filter::estimate(rest, rows, 0.0, |lag| short * taken[lag]);
+    let deviation = (innovation * rows as f64 / left).sqrt();
     move |series| filter.apply(series, deviation)
+}
+
+/// Draws in what is far out of innovations of unit variance: heavy tails are no physics.
+pub(crate) fn draw_in(innovations: &mut [f64]) {
+    if let Some(spread) = spread(std::iter::once(&*innovations), 1.0) {
+        innovations.iter_mut().for_each(|x| *x = x.clamp(-HUBER * spread, HUBER * spread));
+    }
 }
 
 /// Sum of squares.
 fn squares(parts: &[&[f64]]) -> f64 {
-    parts.iter().copied().flatten().map(|x| x * x).sum()
+    products(parts, 0)
+}
+
+/// Sum of products of values a lag apart.
+fn products(parts: &[&[f64]], lag: usize) -> f64 {
+    parts.iter().map(|part| part.iter().zip(part.iter().skip(lag)).map(|(a, b)| a * b).sum::<f64>()).sum()
 }
 
 /// Robust standard deviation of values whose root mean square is about `size`. `None` where more than half of them are exactly alike (a coarse
@@ -220,8 +237,8 @@ fn mix<'v>(row: &[f64], above: impl Iterator<Item = &'v [f64]>, own: &mut [f64])
 
 impl Filter {
     /// Yule-Walker over all stretches, by the Levinson recursion, values astray left out; the order by BIC with a doubled penalty. Returns the
-    /// filter and the variances of noise and innovation.
-    fn estimate(parts: &[&[f64]], rows: usize, floor: f64) -> (Self, f64, f64) {
+    /// filter and the variances of noise and innovation. `short` is what sums of products a lag apart are short of.
+    fn estimate(parts: &[&[f64]], rows: usize, floor: f64, short: impl Fn(usize) -> f64) -> (Self, f64, f64) {
         let longest = LONGEST.min(rows / (10 * parts.len().max(1))).min(rows / 20);
         let white = Self { coefficients: vec![Vec::new()], gains: vec![1.0] };
         let variance = squares(parts) / rows as f64;
@@ -230,8 +247,8 @@ impl Filter {
         }
         let most = spread(parts.iter().copied(), variance.sqrt()).map_or(f64::INFINITY, |spread| ASTRAY * spread);
         let bulk: Vec<Vec<f64>> = parts.iter().map(|part| part.iter().map(|x| if x.abs() > most { 0.0 } else { *x }).collect()).collect();
-        let lagged = |lag: usize| bulk.iter().map(|s| s.iter().zip(s.iter().skip(lag)).map(|(a, b)| a * b).sum::<f64>()).sum::<f64>();
-        let covariance: Vec<f64> = (0..=longest).map(|lag| lagged(lag) / rows as f64).collect();
+        let bulk: Vec<&[f64]> = bulk.iter().map(Vec::as_slice).collect();
+        let covariance: Vec<f64> = (0..=longest).map(|lag| (products(&bulk, lag) + short(lag)) / rows as f64).collect();
         let (mut coefficients, mut variances) = (vec![Vec::new()], vec![covariance[0]]);
         for p in 1..=longest {
             let last: &Vec<f64> = &coefficients[p - 1];

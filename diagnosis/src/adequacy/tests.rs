@@ -48,6 +48,18 @@ fn heavy_tails_raise_no_alarm() {
 }
 
 #[test]
+fn a_value_far_out_where_a_command_is_large_is_no_structure() {
+    let mut case = Case::clean(5);
+    let stretch = &mut case.data.stretches[0];
+    let peak = (0..stretch.time.len()).max_by(|a, b| stretch.inputs[0][*a].total_cmp(&stretch.inputs[0][*b])).unwrap();
+    // One command and one value, as far out as Student's t with three degrees of freedom goes in a long recording.
+    stretch.inputs[0][peak] *= 4.0;
+    (1..=8).for_each(|k| stretch.outputs[0][peak + k] += 25.0 * NOISE[0] * f64::from(u8::from(k % 4 == 0)));
+    let found = case.compare(None, |c| examine(c, 5)).structure;
+    assert!(!found.significant(), "{found:?}");
+}
+
+#[test]
 fn friction_that_was_left_out_is_structure_of_signs() {
     let case = Case::new(1, |_, i, y, _, random| y + NOISE[i] * normal(random) - if i == 0 { 0.01 * (y / 0.005).tanh() } else { 0.0 });
     let found = case.compare(None, |c| examine(c, 1)).structure;
@@ -90,7 +102,7 @@ fn coloured(coefficient: f64) -> impl FnMut(usize, &mut StdRng) -> f64 {
 /// The structure of a rest that is whitened by its own past, whatever makes it.
 fn whitened_by_itself(case: &Case) -> Structure {
     case.compare(None, |c| {
-        let by_its_past = |i: usize| whitener(&c.white.iter().map(|stretch| &stretch[i][..]).collect::<Vec<_>>(), 0.0);
+        let by_its_past = |i: usize| whitener(&c.white.iter().map(|stretch| &stretch[i][..]).collect::<Vec<_>>(), &[]);
         let past = [by_its_past(0), by_its_past(1)];
         let mut white = c.white.to_vec();
         white.iter_mut().flat_map(|stretch| stretch.iter_mut().zip(&past)).for_each(|(series, past)| past(series));
