@@ -19,7 +19,7 @@ use crate::fit::algebra::gram;
 use crate::noise::{draw_in, whitener};
 
 /// z above which something is left. The law of T is exact for known noise; with an autoregression estimated from what the
-/// features leave over, the largest z of a hundred clean recordings is 5 (documented with the other thresholds).
+/// features leave over, none of a hundred clean recordings exceeds it (documented with the other thresholds).
 pub const LIMIT: f64 = 8.0;
 /// A feature this much shorter after clearing than before says nothing of its own.
 const SPENT: f64 = 1e-4;
