@@ -320,7 +320,7 @@ fn in_line(mut story: Story<'_>) -> Story<'_> {
     let of = |i: &usize| search.effect(*i).line().is_some_and(|order| (line.order / order - 1.0).abs() < OFF_LINE);
     let applies = |i: &usize| search.effect(*i).inapplicable(search.setting.scene).is_none();
     let fitting: Vec<usize> = (0..search.library.len()).filter(of).filter(applies).collect();
-    let about = search.respond_of(&fitting, &State { effects: Vec::new(), fit: selected.base.clone() });
+    let about = search.respond_of(&fitting, &selected.plain());
     // One wheel, and the other as well.
     for _ in 0..2 {
         let Some(joined) = story.search.joined(&story.selected, &about) else { break };
@@ -355,7 +355,7 @@ fn come_round<'a>(story: Story<'a>, closer: &'a OnceCell<Scene>) -> Story<'a> {
     }
     let setting = Setting { scene, ..search.setting.clone() };
     let nearer = Search { setting, library: search.library, open: search.open.clone(), known: search.known };
-    let base = State { effects: Vec::new(), fit: selected.base.clone() };
+    let base = selected.plain();
     let about = nearer.respond_of(&turning, &base);
     let rest = search.keeping(selected, &|i| !turning.contains(&members[i])).and_then(|rest| search.only(selected, &rest));
     let Some(mut selected) = rest.and_then(|rest| nearer.joined(&rest, &about)) else { return story };

@@ -186,12 +186,13 @@ impl Noise {
 /// A whitening of one output's series by their own past, as the rest of a regression of innovations on orthonormal columns has it, stretch by
 /// stretch. What the columns take they take at all lags: of innovations that were white already their own products, to which those of the
 /// rest are short.
-pub(crate) fn whitener(rest: &[&[f64]], columns: &[Vec<&[f64]>]) -> impl Fn(&mut [f64]) + use<> {
+pub(crate) fn whitener(rest: &[Vec<f64>], columns: &[Vec<Vec<f64>>]) -> impl Fn(&mut [f64]) + use<> {
+    let rest: Vec<&[f64]> = rest.iter().map(Vec::as_slice).collect();
     let rows: usize = rest.iter().map(|part| part.len()).sum();
     let taken: Vec<f64> = (0..=LONGEST).map(|lag| columns.iter().map(|column| products(column, lag)).sum()).collect();
     let left = (rows as f64 - taken[0]).max(1.0);
-    let short = squares(rest) / left;
-    let (filter, _, innovation) = Filter::estimate(rest, rows, 0.0, |lag| short * taken[lag]);
+    let short = squares(&rest) / left;
+    let (filter, _, innovation) = Filter::estimate(&rest, rows, 0.0, |lag| short * taken[lag]);
     let deviation = (innovation * rows as f64 / left).sqrt();
     move |series| filter.apply(series, deviation)
 }
@@ -209,8 +210,8 @@ fn squares(parts: &[&[f64]]) -> f64 {
 }
 
 /// Sum of products of values a lag apart.
-fn products(parts: &[&[f64]], lag: usize) -> f64 {
-    parts.iter().map(|part| part.iter().zip(part.iter().skip(lag)).map(|(a, b)| a * b).sum::<f64>()).sum()
+pub(crate) fn products(parts: &[impl AsRef<[f64]>], lag: usize) -> f64 {
+    parts.iter().map(AsRef::as_ref).map(|part| part.iter().zip(part.iter().skip(lag)).map(|(a, b)| a * b).sum::<f64>()).sum()
 }
 
 /// Robust standard deviation of values whose root mean square is about `size`. `None` where more than half of them are exactly alike (a coarse
@@ -247,7 +248,6 @@ impl Filter {
         }
         let most = spread(parts.iter().copied(), variance.sqrt()).map_or(f64::INFINITY, |spread| ASTRAY * spread);
         let bulk: Vec<Vec<f64>> = parts.iter().map(|part| part.iter().map(|x| if x.abs() > most { 0.0 } else { *x }).collect()).collect();
-        let bulk: Vec<&[f64]> = bulk.iter().map(Vec::as_slice).collect();
         let covariance: Vec<f64> = (0..=longest).map(|lag| (products(&bulk, lag) + short(lag)) / rows as f64).collect();
         let (mut coefficients, mut variances) = (vec![Vec::new()], vec![covariance[0]]);
         for p in 1..=longest {

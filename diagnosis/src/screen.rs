@@ -11,7 +11,7 @@ use nalgebra::{DMatrix, DVector};
 use wheelwright_core::effect::{Effect, EffectParameter, Start};
 use wheelwright_core::least_squares::{Limits, constrained_step};
 
-use crate::fit::algebra::{Directions, add, dot, factor, gram};
+use crate::fit::algebra::{Directions, add, clear, dot, factor, gram};
 use crate::fit::search::{Fit, likelihood, parts};
 use crate::fit::setting::{Point, Runner, Setting};
 use crate::fit::whitening::Whitening;
@@ -226,10 +226,7 @@ impl<'s, 'a> Projection<'s, 'a> {
     }
 
     fn project(&self, values: &mut [f64]) {
-        for q in &self.basis {
-            let along = dot(q, values);
-            add(values, -along, q);
-        }
+        self.basis.iter().for_each(|q| clear(values, q));
     }
 
     /// A raw response, whitened, weighted and projected; nothing if the model can do the same.

@@ -7,6 +7,7 @@
 use statrs::distribution::{ContinuousCDF, Normal};
 
 use crate::comparison::Comparison;
+use crate::noise::products;
 
 use super::bursts::FALSE_ALARM;
 
@@ -43,8 +44,8 @@ fn of(comparison: &Comparison<'_>, output: usize) -> Option<Memory> {
     let lag = LONG.max(FORGOTTEN * time_constant);
     let lags = (lag / comparison.scene.scales.period).round() as usize;
     let rest = rest(comparison, output, lags)?;
-    let variance = product(&rest, 0);
-    let correlation = |k: usize| product(&rest, k) / variance;
+    let variance = products(&rest, 0);
+    let correlation = |k: usize| products(&rest, k) / variance;
     // What forgets before the lag scatters the more, the longer it remembers.
     let before: f64 = (1..lags).map(|k| correlation(k).powi(2)).sum();
     let samples: usize = rest.iter().map(|r| r.len() - lags).sum();
@@ -64,9 +65,4 @@ fn rest(comparison: &Comparison<'_>, output: usize, lags: usize) -> Option<Vec<V
     let mean = rest.iter().flatten().sum::<f64>() / samples as f64;
     rest.iter_mut().flatten().for_each(|x| *x -= mean);
     (samples > 0 && rest.iter().flatten().any(|x| *x != 0.0)).then_some(rest)
-}
-
-/// Sum of products of samples a lag apart.
-fn product(rest: &[Vec<f64>], lag: usize) -> f64 {
-    rest.iter().flat_map(|r| r.iter().zip(&r[lag..])).map(|(a, b)| a * b).sum()
 }

@@ -10,12 +10,12 @@
 
 use std::ops::Range;
 
-use nalgebra::{DMatrix, DVector};
+use nalgebra::DMatrix;
 use wheelwright_core::Stretch;
 
 use super::Jitter;
 use crate::comparison::{Channels, Comparison};
-use crate::fit::algebra::gram;
+use crate::fit::algebra::{clear, dot};
 use crate::noise::{draw_in, whitener};
 
 /// z above which something is left. The law of T is exact for known noise; with an autoregression estimated from what the
@@ -99,69 +99,47 @@ fn output_energy(
         matrix.row_iter_mut().zip(weights).for_each(|(mut row, w)| row *= w);
     }
     rewhiten(&mut matrix, &ranges);
-    let upper = triangle(&mut matrix);
-    let last = upper.ncols() - 1;
-    let mut row = known;
+    let basis = orthonormal(&matrix);
+    let innovations = &matrix.as_slice()[rows * (known + count)..];
+    let mut own = basis.iter().skip(known);
     let names = groups.first().map(|g| g.iter().map(|(name, f)| (*name, f.len())).collect::<Vec<_>>()).unwrap_or_default();
     let mut parts = Vec::with_capacity(names.len());
     for (name, features) in names {
         let (mut energy, mut df) = (0.0, 0.0);
-        for _ in 0..features {
-            if upper[(row, row)] > 0.0 {
-                energy += upper[(row, last)].powi(2);
-                df += 1.0;
-            }
-            row += 1;
+        for column in own.by_ref().take(features).flatten() {
+            energy += dot(column, innovations).powi(2);
+            df += 1.0;
         }
         parts.push((name, energy, df));
     }
     parts
 }
 
-/// Whitens all columns by the past of what the last one has beyond the others, which Gram and Schmidt's orthonormal columns tell; rows in stretches.
+/// Whitens all columns by the past of what the last one has beyond the others; rows in stretches.
 fn rewhiten(matrix: &mut DMatrix<f64>, stretches: &[Range<usize>]) {
-    let upper = triangle(matrix);
-    let last = matrix.ncols() - 1;
-    let mut rest = matrix.column(last).into_owned();
-    let mut basis: Vec<(usize, DVector<f64>)> = Vec::with_capacity(last);
-    for j in (0..last).filter(|j| upper[(*j, *j)] > 0.0) {
-        let mut own = matrix.column(j).into_owned();
-        basis.iter().for_each(|(i, before)| own.axpy(-upper[(*i, j)], before, 1.0));
-        own /= upper[(j, j)];
-        rest.axpy(-upper[(j, last)], &own, 1.0);
-        basis.push((j, own));
-    }
-    let whiten = whitener(&cut(&rest, stretches), &basis.iter().map(|(_, column)| cut(column, stretches)).collect::<Vec<_>>());
+    let basis = orthonormal(matrix);
+    let mut rest = matrix.column(matrix.ncols() - 1).as_slice().to_vec();
+    basis.iter().flatten().for_each(|known| clear(&mut rest, known));
+    let cut = |column: &[f64]| stretches.iter().map(|rows| column[rows.clone()].to_vec()).collect::<Vec<_>>();
+    let whiten = whitener(&cut(&rest), &basis.iter().flatten().map(|known| cut(known)).collect::<Vec<_>>());
     for mut column in matrix.column_iter_mut() {
         stretches.iter().for_each(|rows| whiten(&mut column.as_mut_slice()[rows.clone()]));
     }
 }
 
-/// A column stretch by stretch.
-fn cut<'c>(column: &'c DVector<f64>, stretches: &[Range<usize>]) -> Vec<&'c [f64]> {
-    stretches.iter().map(|rows| &column.as_slice()[rows.clone()]).collect()
-}
-
-/// The triangular factor of columns of which all but the last are brought to length one; zero on the diagonal where one says nothing of its own.
-fn triangle(matrix: &mut DMatrix<f64>) -> DMatrix<f64> {
-    let (rows, size) = matrix.shape();
-    for mut column in matrix.columns_mut(0, size - 1).column_iter_mut() {
-        let norm = column.norm();
-        if norm > 0.0 {
-            column /= norm;
-        }
+/// Orthonormal columns that span those of a matrix but the last, by Gram and Schmidt; none for one that says nothing of its own.
+fn orthonormal(matrix: &DMatrix<f64>) -> Vec<Option<Vec<f64>>> {
+    let mut basis: Vec<Option<Vec<f64>>> = Vec::with_capacity(matrix.ncols());
+    for column in matrix.columns(0, matrix.ncols() - 1).column_iter() {
+        let mut own = column.as_slice().to_vec();
+        basis.iter().flatten().for_each(|before| clear(&mut own, before));
+        let rest = dot(&own, &own).sqrt();
+        basis.push((rest > SPENT * column.norm()).then(|| {
+            own.iter_mut().for_each(|x| *x /= rest);
+            own
+        }));
     }
-    let columns: Vec<&[f64]> = matrix.as_slice().chunks_exact(rows).collect();
-    let mut upper = gram(&columns, std::slice::from_ref(&(0..rows)), &[1.0]);
-    for j in 0..size {
-        for i in 0..j {
-            let own = upper[(i, j)] - (0..i).map(|k| upper[(k, i)] * upper[(k, j)]).sum::<f64>();
-            upper[(i, j)] = if upper[(i, i)] > 0.0 { own / upper[(i, i)] } else { 0.0 };
-        }
-        let own = upper[(j, j)] - (0..j).map(|k| upper[(k, j)].powi(2)).sum::<f64>();
-        upper[(j, j)] = if own > SPENT * SPENT { own.sqrt() } else { 0.0 };
-    }
-    upper
+    basis
 }
 
 /// A force's response: y' = −rate y + force, with the force held between samples.

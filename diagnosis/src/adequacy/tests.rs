@@ -102,7 +102,7 @@ fn coloured(coefficient: f64) -> impl FnMut(usize, &mut StdRng) -> f64 {
 /// The structure of a rest that is whitened by its own past, whatever makes it.
 fn whitened_by_itself(case: &Case) -> Structure {
     case.compare(None, |c| {
-        let by_its_past = |i: usize| whitener(&c.white.iter().map(|stretch| &stretch[i][..]).collect::<Vec<_>>(), &[]);
+        let by_its_past = |i: usize| whitener(&c.white.iter().map(|stretch| stretch[i].clone()).collect::<Vec<_>>(), &[]);
         let past = [by_its_past(0), by_its_past(1)];
         let mut white = c.white.to_vec();
         white.iter_mut().flat_map(|stretch| stretch.iter_mut().zip(&past)).for_each(|(series, past)| past(series));

@@ -85,7 +85,7 @@ pub(crate) fn tell(
         flags.extend(following(setting, noise, &selected.base));
     }
     flags.extend(story.means.clone().map(|found| means(found, setting.scene)));
-    let base_state = State { effects: Vec::new(), fit: selected.base.clone() };
+    let base_state = selected.plain();
     let screened = search.screen(&base_state, &selected.whitening, responses);
     let untestable = untestable::list(search, &screened, responses, &selected.state);
     let ranking = selected.ranking.iter().map(|(i, score)| (search.effect(*i).name().to_owned(), *score)).collect();

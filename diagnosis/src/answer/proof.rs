@@ -100,7 +100,7 @@ impl Proven {
             there.is_some_and(|there| holds(&losses(&shifted, &there.simulated, noise, jitter)))
         };
         // Leeway that saves the base model as well speaks for nothing that was added to it.
-        let saved = || with_leeway(&selected.state) && !with_leeway(&State { effects: Vec::new(), fit: selected.base.clone() });
+        let saved = || with_leeway(&selected.state) && !with_leeway(&selected.plain());
         made.transfer = match transfer(&left[0], &left[1], &floor) {
             _ if withouts.iter().flatten().any(refuted) => Transfer::Fails,
             Transfer::Fails if saved() => Transfer::Open,

@@ -26,6 +26,12 @@ pub(crate) fn add(y: &mut [f64], factor: f64, x: &[f64]) {
     y.iter_mut().zip(x).for_each(|(y, x)| *y += factor * x);
 }
 
+/// Takes off values what they have of a column of length one.
+pub(crate) fn clear(values: &mut [f64], column: &[f64]) {
+    let along = dot(column, values);
+    add(values, -along, column);
+}
+
 /// Sums of products of all pairs of columns, outputs weighted.
 pub(crate) fn gram(columns: &[&[f64]], parts: &[Range<usize>], weights: &[f64]) -> DMatrix<f64> {
     let n = columns.len();

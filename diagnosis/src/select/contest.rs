@@ -79,7 +79,7 @@ impl<'a> Search<'a> {
 
     /// The model without a member, and what could take its place.
     fn replacements(&self, selected: &Selected, member: usize, first: &[Response]) -> (State, Vec<Refined>) {
-        let base = || State { effects: Vec::new(), fit: selected.base.clone() };
+        let base = || selected.plain();
         let Some(rest) = self.without(selected, member) else { return (base(), Vec::new()) };
         let dropped = selected.state.effects[member];
         let responses = self.responses_beside(&rest, selected, first);

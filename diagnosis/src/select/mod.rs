@@ -91,6 +91,11 @@ pub(crate) struct Selected {
 }
 
 impl Selected {
+    /// The base model alone.
+    pub(crate) fn plain(&self) -> State {
+        State { effects: Vec::new(), fit: self.base.clone() }
+    }
+
     /// Log-likelihood that a fit under the same noise gains on the base model alone.
     pub(crate) fn gained(&self, setting: &Setting<'_>, fit: &Fit) -> f64 {
         fit.likelihood(setting) - self.base.likelihood(setting)
