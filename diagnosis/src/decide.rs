@@ -95,11 +95,10 @@ fn of_noise(name: &str, values: &[f64], flag: &Flag, effects: &[Box<dyn Effect>]
     if parameters.len() != values.len() {
         return None;
     }
-    let estimates: Vec<Estimate> = values.iter().map(|value| Estimate { value: *value, ci95: None }).collect();
     Some(Finding {
         name: effect.name().to_owned(),
         place: effect.stage().place(),
-        statement: effect.statement(&estimates, scene),
+        statement: effect.statement(&Estimate::bare(values), scene),
         parameters: parameters
             .into_iter()
             .zip(values)
@@ -109,7 +108,7 @@ fn of_noise(name: &str, values: &[f64], flag: &Flag, effects: &[Box<dyn Effect>]
         settings: settings(&**effect),
         delta_bic: flag.value - flag.threshold,
         holdout_gain: None,
-        alternatives: flag.instead.iter().cloned().collect(),
+        alternatives: flag.instead.clone(),
     })
 }
 
@@ -181,7 +180,7 @@ mod tests {
             left_over: None,
             statement: "stamps jitter".to_owned(),
             effect: Some(("timestamp_jitter".to_owned(), vec![0.01])),
-            instead: None,
+            instead: Vec::new(),
         };
         let found = decided(false, Transfer::Fails, vec![jitter.clone()]);
         assert_eq!((found.verdict, found.effects.len()), (Verdict::Explained, 1), "{}", found.headline);

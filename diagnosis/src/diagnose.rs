@@ -6,7 +6,7 @@ use wheelwright_core::Dataset;
 use wheelwright_core::effect::{Effect, Scene, Stage};
 use wheelwright_core::simulation::Readout;
 
-use crate::answer::{Means, Story, tell};
+use crate::answer::{Means, Story, always, tell};
 use crate::beside::{Beside, Dimensions, dimensions};
 use crate::effects::{LATENESS, digits};
 use crate::finding::Diagnosis;
@@ -91,6 +91,7 @@ pub fn diagnose(question: &Question<'_>) -> Result<Diagnosis, DiagnosisError> {
     story.selected = story.search.unjittered(story.selected, &story.responses);
     let asked = gauge::asked_for(question, &mut story, headings.as_deref(), &fitting[2]);
     warnings.extend(unknown_wheels(question, shown, asked));
+    story.selected = story.search.modest(story.selected);
     story.selected = judged(question, &story.search, story.selected, &story.responses);
     let (selected, mut rests) = story.search.settled(story.selected);
     story.selected = selected;
@@ -181,8 +182,17 @@ fn other_readout<'a>(
     if better <= EXCHANGE || (!counted && contradicted(question, &rival, &story)) {
         return Ok(story);
     }
-    let means = Means { evidence: better, instead: instead.map(|effect| effect.name().to_owned()), base: story.selected.base.clone() };
+    let instead = instead.map_or_else(Vec::new, |effect| with_the_same(effect, &story.search));
+    let means = Means { evidence: better, instead, base: story.selected.base.clone() };
     Ok(Story { means: Some(means), ..rival })
+}
+
+/// The name of an effect, and of those that are one with it under every drive.
+fn with_the_same(effect: &dyn Effect, search: &Search<'_>) -> Vec<String> {
+    let others = search.effects(&search.open).into_iter().filter(|other| always(effect, *other).is_some());
+    let mut names: Vec<String> = std::iter::once(effect).chain(others).map(|effect| effect.name().to_owned()).collect();
+    names.dedup();
+    names
 }
 
 /// Whether the held-out data decisively prefer a story to another one.

@@ -2,15 +2,21 @@
 
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
+use std::cell::OnceCell;
+
 use nalgebra::DMatrix;
 use rand::rngs::StdRng;
 use rand::{Rng, SeedableRng};
 use wheelwright_core::effect::Scene;
-use wheelwright_core::simulation::Simulator;
-use wheelwright_core::{Dataset, ModelConfig, Stretch};
+use wheelwright_core::simulation::{Readout, Simulator};
+use wheelwright_core::{Dataset, Effect, ModelConfig, Stretch};
 use wheelwright_models::VwPdConfig;
 
 use crate::comparison::{Channels, Comparison};
+use crate::diagnose::{Surroundings, setting, surroundings};
+use crate::fit::setting::Point;
+use crate::question::Question;
+use crate::select::{Search, Selected, State};
 
 pub(crate) const THETA: [f64; 6] = [0.22, 0.18, -0.005, 1.0, 0.02, 1.03];
 pub(crate) const NOISE: [f64; 2] = [0.005, 0.01];
@@ -115,4 +121,18 @@ impl Case {
             jacobian: &self.jacobian,
         })
     }
+}
+
+/// Hands a test a search in which the first effects of a library were selected, and nothing is known of rivals.
+pub(crate) fn with_selected(case: &Case, library: &[Box<dyn Effect>], members: usize, test: impl FnOnce(&Search<'_>, Selected)) {
+    let (model, course) = (VwPdConfig::default().build().unwrap(), OnceCell::new());
+    let question = Question::new(&*model, &case.data, library);
+    let start = surroundings(setting(&question, &case.data, &case.scene, Readout::Instantaneous), &question, &course).unwrap();
+    let Surroundings { search, whitening, base, .. } = start;
+    let values = library[..members].iter().flat_map(|effect| effect.starts(&case.scene).remove(0).values);
+    let point = Point { x: base.point.x.iter().copied().chain(values).collect(), starts: base.point.starts.clone() };
+    let effects: Vec<usize> = (0..members).collect();
+    let (whitening, fit) = search.at(&effects, point, &whitening.noise).unwrap();
+    let state = State { effects, fit };
+    test(&search, Selected { state, whitening, base, rivals: vec![Vec::new(); members], ranking: Vec::new() });
 }

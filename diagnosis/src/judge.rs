@@ -17,9 +17,9 @@ use wheelwright_core::Dataset;
 use wheelwright_core::effect::Scene;
 
 use crate::adequacy::Jitter;
-use crate::answer::{MENTIONED, always, clocks, proven, reach};
+use crate::answer::{MENTIONED, always, clocks, mentioned, proven};
 use crate::holdout::{BorneOut, Runs, loss, mean, shifted};
-use crate::leeway::{Moved, moved};
+use crate::leeway::{Leeway, Moved};
 use crate::noise::Noise;
 use crate::question::Question;
 use crate::residuals::Series;
@@ -68,59 +68,45 @@ fn exchanged(bench: &Bench<'_>, search: &Search<'_>, mut selected: Selected) -> 
     // The form of a law is never exact: rivals differ by as much for no other reason.
     let explained = selected.gained(&search.setting, &selected.state.fit);
     let farthest = MENTIONED.max(SHARE * explained);
-    if !selected.rivals.iter().flatten().any(|r| r.gap < farthest) {
+    if !selected.rivals.iter().flatten().any(|r| r.gap - r.cost.max(0.0) < farthest) {
         return selected;
     }
     let mut known = None;
     let mut member = 0;
-    let mut turns = selected.state.effects.len();
-    while member < selected.rivals.len() && turns > 0 {
-        turns -= 1;
-        let rivals = std::mem::take(&mut selected.rivals[member]);
+    for _ in 0..selected.state.effects.len() {
+        let Some(rivals) = selected.rivals.get_mut(member).map(std::mem::take) else { break };
         let found = search.effect(selected.state.effects[member]);
         // The same mathematics under every drive differs by what nobody recorded before the first sample.
-        let (same, mut rivals): (Vec<_>, Vec<_>) = rivals.into_iter().partition(|r| always(found, search.effect(r.effect)).is_some());
+        let (same, rivals): (Vec<_>, Vec<_>) = rivals.into_iter().partition(|r| always(found, search.effect(r.effect)).is_some());
+        let near_enough = |r: &Rival| mentioned(found, search.effect(r.effect), r, explained);
         // What the training data hold for worse has to be better on other data as it stands.
-        let near_enough = |r: &Rival| r.gap < reach(MENTIONED, found, search.effect(r.effect), explained);
-        rivals.retain(|r| near_enough(r) || (r.gap < farthest && bench.better(search, &r.state, &selected.state)));
-        // A rival was only fitted well enough to be ranked: what is left to its end counts on other data as much as a cause does.
-        rivals.iter_mut().for_each(|r| ended(search, &selected, &mut r.state));
-        if rivals.is_empty() {
+        let better = |r: &Rival| r.gap < farthest && bench.better(search, &r.state, &selected.state);
+        let rivals: Vec<Rival> = rivals.into_iter().filter(|r| near_enough(r) || better(r)).collect();
+        let mut near = bench.contenders(search, &selected, rivals);
+        if near.is_empty() {
             selected.rivals[member] = same;
             member += 1;
             continue;
         }
-        let mut near: Vec<(f64, _)> = rivals.into_iter().map(|r| (bench.with_leeway(search, &r.state), r)).collect();
-        let mut own = *known.get_or_insert_with(|| bench.with_leeway(search, &selected.state));
-        let least = near.iter().map(|(loss, _)| *loss).fold(f64::INFINITY, f64::min);
-        // Among those that the held-out data hold for equal the library's order decides, as it does on the training data.
-        let equals = (0..near.len()).filter(|i| !bench.decisive(least, near[*i].0));
-        let best = equals.min_by_key(|i| near[*i].1.effect).filter(|_| bench.decisive(least, own));
-        let better = best.is_some();
-        if let Some((loss, rival)) = best.map(|i| near.remove(i)) {
-            (own, selected.state) = (loss, rival.state);
-            known = Some(own);
-            near.iter_mut().for_each(|(_, r)| r.gap -= rival.gap);
-            // The one that came in stands last.
-            selected.rivals.remove(member);
-            selected.rivals.push(Vec::new());
-            member = selected.rivals.len() - 1;
-        }
+        let own = *known.get_or_insert_with(|| bench.with_leeway(search, &selected.state));
+        let Some((loss, best)) = bench.preferred(&near, own).map(|i| near.remove(i)) else {
+            let open = near.into_iter().filter(|(loss, r)| near_enough(r) && !bench.decisive(own, *loss)).map(|(_, r)| r);
+            selected.rivals[member] = open.chain(same).collect();
+            member += 1;
+            continue;
+        };
+        near.iter_mut().for_each(|(_, r)| (r.gap, r.cost) = (r.gap - best.gap, r.cost - best.cost));
         // What is the same under every drive stays beside it whatever these data say.
-        let came = if better { selected.state.effects.last().map(|i| search.effect(*i)) } else { None };
-        let same_as_it = |r: &Rival| came.is_some_and(|came| always(came, search.effect(r.effect)).is_some());
-        let open = near.into_iter().filter(|(loss, r)| near_enough(r) && (same_as_it(r) || !bench.decisive(own, *loss))).map(|(_, r)| r);
-        selected.rivals[member] = if better { open.collect() } else { open.chain(same).collect() };
-        member = if better { 0 } else { member + 1 };
+        let same_as_it = |r: &Rival| always(search.effect(best.effect), search.effect(r.effect)).is_some();
+        let open = near.into_iter().filter(|(other, r)| near_enough(r) && (same_as_it(r) || !bench.decisive(loss, *other)));
+        // The one that came in stands last.
+        selected.rivals.remove(member);
+        selected.rivals.push(open.map(|(_, r)| r).collect());
+        known = Some(loss);
+        selected.state = best.state;
+        member = 0;
     }
     selected
-}
-
-/// Fits a model to the end, under the noise of the selection.
-fn ended(search: &Search<'_>, selected: &Selected, state: &mut State) {
-    if let Some((_, fit)) = search.under(&state.effects, &state.fit, &selected.whitening.noise, FINAL) {
-        state.fit = fit;
-    }
 }
 
 /// Held-out data and what an explanation leaves where it was fitted.
@@ -158,7 +144,8 @@ impl<'q> Bench<'q> {
 
     /// The same with the leeway that the training data leave, and what it costs there.
     fn with_leeway(&self, search: &Search<'_>, state: &State) -> f64 {
-        let moved = self.likeliest(search, |data, scene| match moved(search, state, data, scene, &self.noise) {
+        let leeway = Leeway::new(search, state, &self.noise);
+        let moved = self.likeliest(search, |data, scene| match leeway.moved(data, scene) {
             Some(Moved { simulated, cost, .. }) => self.with_cost(loss(data, &simulated, &self.noise.deviation, self.jitter), cost),
             None => f64::INFINITY,
         });
@@ -168,6 +155,26 @@ impl<'q> Bench<'q> {
     /// A loss with what it costs on the training data, in twice the log-likelihood.
     pub(crate) fn with_cost(&self, loss: f64, cost: f64) -> f64 {
         loss * (cost / self.values).exp()
+    }
+
+    /// Rivals fitted to the end, each with the loss that it leaves. They were only fitted well enough to be ranked: what is left to the end counts on other
+    /// data as much as a cause does.
+    fn contenders(&self, search: &Search<'_>, selected: &Selected, rivals: Vec<Rival>) -> Vec<(f64, Rival)> {
+        let to_the_end = |mut rival: Rival| {
+            if let Some((_, fit)) = search.under(&rival.state.effects, &rival.state.fit, &selected.whitening.noise, FINAL) {
+                rival.state.fit = fit;
+            }
+            (self.with_leeway(search, &rival.state), rival)
+        };
+        rivals.into_iter().map(to_the_end).collect()
+    }
+
+    /// Which of some rivals these data decisively prefer to what leaves a loss. Among those that they hold for equal the library's order decides, as
+    /// it does on the training data.
+    fn preferred(&self, rivals: &[(f64, Rival)], own: f64) -> Option<usize> {
+        let least = rivals.iter().map(|(loss, _)| *loss).fold(f64::INFINITY, f64::min);
+        let equals = (0..rivals.len()).filter(|i| !self.decisive(least, rivals[*i].0));
+        equals.min_by_key(|i| rivals[*i].1.effect).filter(|_| self.decisive(least, own))
     }
 
     /// The least of a loss on every clock that the held-out data may have.

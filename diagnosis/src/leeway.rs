@@ -37,48 +37,64 @@ pub(crate) struct Moved {
     pub(crate) cost: f64,
 }
 
-/// Moves an explanation's parameters to where other data would have them; `None` where it cannot be simulated there.
-pub(crate) fn moved(search: &Search<'_>, state: &State, data: &Dataset, scene: &Scene, noise: &Noise) -> Option<Moved> {
-    moved_within(f64::INFINITY, search, state, data, scene, noise)
+/// An explanation, and what the training data know of its parameters.
+pub(crate) struct Leeway<'s, 'a> {
+    search: &'s Search<'a>,
+    state: &'s State,
+    noise: &'s Noise,
+    known: DMatrix<f64>,
 }
 
-/// The same, on the way there no farther than to where the move costs so much on the training data.
-pub(crate) fn moved_within(most: f64, search: &Search<'_>, state: &State, data: &Dataset, scene: &Scene, noise: &Noise) -> Option<Moved> {
-    let layout = Layout::of(data, scene);
-    let setting = Setting { data, scene, measured: layout.flat(data), layout, ..search.setting.clone() };
-    let known = state.fit.information(&search.setting);
-    let effects = search.effects(&state.effects);
-    let limits = setting.limits(&search.parameters(&state.effects));
-    let first = DVector::from_column_slice(&state.fit.point.x);
-    let mut point = setting.point(state.fit.point.x.clone());
-    let mut runner = Runner::new(&setting, &effects, &point).ok()?;
-    let mut run = vec![0.0; setting.layout.len()];
-    for _ in 0..STEPS {
-        if !runner.run(&point.x, &point.starts, &mut run) {
-            return None;
-        }
-        let (error, weights) = weighed(&setting, &run, noise);
-        let mut columns: Vec<Vec<f64>> = (0..point.x.len()).map(|j| runner.column(&point, j, &run)).collect();
-        columns.push(error);
-        let columns: Vec<&[f64]> = columns.iter().map(Vec::as_slice).collect();
-        let x = DVector::from_column_slice(&point.x);
-        let system = gram(&columns, &parts(&setting), &weights) + prior(&known, &(&x - &first));
-        let step = constrained_step(&factor(&system), None, &x, &limits).ok()?;
-        let promised = step.dot(&(system.view((0, 0), (x.len(), x.len())) * &step));
-        point.x = (x + step).as_slice().to_vec();
-        if promised < LAST {
-            break;
-        }
+impl<'s, 'a> Leeway<'s, 'a> {
+    /// Of an explanation that was fitted under a noise.
+    pub(crate) fn new(search: &'s Search<'a>, state: &'s State, noise: &'s Noise) -> Self {
+        let known = search.known_of(state, noise).map_or_else(|| state.fit.information(&search.setting), |known| known.information);
+        Self { search, state, noise, known }
     }
-    let mut far = DVector::from_column_slice(&point.x) - &first;
-    let mut cost = far.dot(&(&known * &far));
-    if cost > most {
-        far *= (most / cost).sqrt();
-        cost = most;
-        point.x = (first + far).as_slice().to_vec();
+
+    /// Moves the parameters to where other data would have them; `None` where the explanation cannot be simulated there.
+    pub(crate) fn moved(&self, data: &Dataset, scene: &Scene) -> Option<Moved> {
+        self.moved_within(f64::INFINITY, data, scene)
     }
-    let whole = runner.run(&point.x, &point.starts, &mut run);
-    whole.then(|| Moved { simulated: setting.layout.series(&run), x: point.x, cost })
+
+    /// The same, on the way there no farther than to where the move costs so much on the training data.
+    pub(crate) fn moved_within(&self, most: f64, data: &Dataset, scene: &Scene) -> Option<Moved> {
+        let Self { search, state, noise, known } = self;
+        let layout = Layout::of(data, scene);
+        let setting = Setting { data, scene, measured: layout.flat(data), layout, ..search.setting.clone() };
+        let effects = search.effects(&state.effects);
+        let limits = setting.limits(&search.parameters(&state.effects));
+        let first = DVector::from_column_slice(&state.fit.point.x);
+        let mut point = setting.point(state.fit.point.x.clone());
+        let mut runner = Runner::new(&setting, &effects, &point).ok()?;
+        let mut run = vec![0.0; setting.layout.len()];
+        for _ in 0..STEPS {
+            if !runner.run(&point.x, &point.starts, &mut run) {
+                return None;
+            }
+            let (error, weights) = weighed(&setting, &run, noise);
+            let mut columns: Vec<Vec<f64>> = (0..point.x.len()).map(|j| runner.column(&point, j, &run)).collect();
+            columns.push(error);
+            let columns: Vec<&[f64]> = columns.iter().map(Vec::as_slice).collect();
+            let x = DVector::from_column_slice(&point.x);
+            let system = gram(&columns, &parts(&setting), &weights) + prior(known, &(&x - &first));
+            let step = constrained_step(&factor(&system), None, &x, &limits).ok()?;
+            let promised = step.dot(&(system.view((0, 0), (x.len(), x.len())) * &step));
+            point.x = (x + step).as_slice().to_vec();
+            if promised < LAST {
+                break;
+            }
+        }
+        let mut far = DVector::from_column_slice(&point.x) - &first;
+        let mut cost = far.dot(&(known * &far));
+        if cost > most {
+            far *= (most / cost).sqrt();
+            cost = most;
+            point.x = (first + far).as_slice().to_vec();
+        }
+        let whole = runner.run(&point.x, &point.starts, &mut run);
+        whole.then(|| Moved { simulated: setting.layout.series(&run), x: point.x, cost })
+    }
 }
 
 /// Errors of a run, model minus measured, what is far out drawn in; and each output's weight: independent values count by what is left.
@@ -156,7 +172,7 @@ mod tests {
         let mut given = vec![0.0; there.layout.len()];
         let point = there.point(state.fit.point.x.clone());
         assert!(Runner::new(&there, &[], &point).unwrap().run(&point.x, &point.starts, &mut given));
-        let Moved { simulated, cost, .. } = moved(&start.search, &state, held, &other, &noise).unwrap();
+        let Moved { simulated, cost, .. } = Leeway::new(&start.search, &state, &noise).moved(held, &other).unwrap();
         (loss(held, &there.layout.series(&given), &NOISE, None), loss(held, &simulated, &NOISE, None), cost)
     }
 

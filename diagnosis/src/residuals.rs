@@ -68,6 +68,6 @@ pub struct Flag {
     pub statement: String,
     /// The effect of the library whose mark this is (`timestamp_jitter`, `encoder_quantisation`), and values of its parameters.
     pub effect: Option<(String, Vec<f64>)>,
-    /// Another effect that would leave the same mark.
-    pub instead: Option<Alternative>,
+    /// Other effects that would leave the same mark.
+    pub instead: Vec<Alternative>,
 }

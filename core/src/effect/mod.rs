@@ -167,6 +167,13 @@ pub struct Estimate {
     pub ci95: Option<(f64, f64)>,
 }
 
+impl Estimate {
+    /// Values without intervals.
+    pub fn bare(values: &[f64]) -> Vec<Self> {
+        values.iter().map(|value| Self { value: *value, ci95: None }).collect()
+    }
+}
+
 /// Another effect that looks alike, and why.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Confusion {

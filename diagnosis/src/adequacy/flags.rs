@@ -82,7 +82,7 @@ fn flags(found: &Adequacy, comparison: &Comparison<'_>, explained: f64) -> Vec<F
     let mut sentences = sentences.into_iter();
     let mut all = Vec::new();
     let mut flag = |test, value, threshold, left_over, effect| {
-        all.push(Flag { test, value, threshold, left_over, statement: sentences.next().unwrap_or_default(), effect, instead: None });
+        all.push(Flag { test, value, threshold, left_over, statement: sentences.next().unwrap_or_default(), effect, instead: Vec::new() });
     };
     if let Some(rounding) = &found.rounding {
         flag("rounded commands", rounding.gain, 0.0, Some(rounding.gain / (rounding.gain + explained.max(0.0))), None);

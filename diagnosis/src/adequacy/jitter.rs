@@ -3,7 +3,7 @@
 //! A stamp that is wrong by ε moves a sample along the curve, y(t + ε) = y(t) + ẏ ε, so the residual's variance is s0² + σt² ẏ².
 //! Motion that the model misses grows with acceleration too, but goes on from one sample to the next, which stamps that are
 //! off by chance do not: products of neighbours are held against products of their slopes, and where they grow half as much as the squares
-//! it is no jitter. Nor can stamps that stand in order be off by more than their distance.
+//! it is no jitter. Nor can stamps that stand in order be off, for sure, by more than their distance.
 
 use wheelwright_core::Stretch;
 
@@ -27,21 +27,17 @@ pub struct Jitter {
     pub deviation: f64,
     /// Standard error of it \[s\].
     pub error: f64,
-    /// Correlation of squared innovations and squared slope, in standard errors.
+    /// Correlation of squared innovations with jitter's share of the variance, in standard errors.
     pub z: f64,
     /// Share of the noise's variance that is there where nothing changes.
     pub still: f64,
 }
 
 pub(super) fn find(comparison: &Comparison<'_>) -> Option<Jitter> {
-    let mut z = Vec::new();
     let (mut squares, mut slopes) = (Vec::new(), Vec::new());
     let (mut products, mut pairs) = (Vec::new(), Vec::new());
     for output in 0..comparison.outputs() {
         let plain = slopes_of(comparison, output);
-        let slope: Vec<f64> = plain.iter().map(|d| d * d).collect();
-        let white: Vec<f64> = comparison.innovations(output).iter().map(|r| (r * r).min(CUT)).collect();
-        z.push(correlation(&white, &slope) * (white.len() as f64).sqrt());
         let noise = comparison.noise[output];
         let pieces = comparison.data.stretches.iter().zip(comparison.model);
         let left = |(s, run): (&Stretch, &Channels)| -> Vec<f64> {
@@ -50,20 +46,28 @@ pub(super) fn find(comparison: &Comparison<'_>) -> Option<Jitter> {
         let residual: Vec<f64> = pieces.flat_map(left).collect();
         // Both outputs speak of the same stamps: in units of their own noise they are one series.
         squares.extend(residual.iter().map(|r| r * r));
-        slopes.extend(slope.iter().map(|s| s / (noise * noise)));
+        slopes.extend(plain.iter().map(|d| (d / noise).powi(2)));
         for range in comparison.ranges() {
             products.extend(residual[range.clone()].windows(2).map(|w| w[0] * w[1]));
             pairs.extend(plain[range].windows(2).map(|w| w[0] * w[1] / (noise * noise)));
         }
     }
+    let Growth { still, variance, error } = growth(&squares, &slopes)?;
+    // Where the variance is jitter's. The few samples at which an output jumps say no more of that than others at which it is.
+    let shares: Vec<f64> = slopes.iter().map(|x| variance * x / (still + variance * x)).collect();
+    let rows = shares.len() / comparison.outputs();
+    let grown = |(output, shares): (usize, &[f64])| {
+        let white: Vec<f64> = comparison.innovations(output).iter().map(|r| (r * r).min(CUT)).collect();
+        correlation(&white, shares) * (rows as f64).sqrt()
+    };
+    let z: Vec<f64> = shares.chunks_exact(rows).enumerate().map(grown).collect();
     let combined = z.iter().sum::<f64>() / (z.len() as f64).sqrt();
     let limit = statrs::distribution::ContinuousCDF::inverse_cdf(&statrs::distribution::Normal::standard(), 1.0 - FALSE_ALARM);
     if combined < limit || z.iter().any(|z| *z < 0.0) {
         return None;
     }
-    let Growth { still, variance, error } = growth(&squares, &slopes)?;
     let chance = growth_of_neighbours(&products, &pairs, variance) < 0.5 * variance;
-    let orderly = variance < comparison.scene.scales.period.powi(2);
+    let orderly = variance - SURE * error < comparison.scene.scales.period.powi(2);
     // Jitter is at home where an output changes fast, which may be seldom: what it makes counts where it makes it.
     let seen = variance * slopes.iter().map(|s| s * s).sum::<f64>() > COVERED * slopes.iter().sum::<f64>();
     (variance > SURE * error && chance && orderly && seen).then(|| Jitter {
@@ -86,7 +90,8 @@ struct Growth {
 
 /// Weighted regression of squares on slopes: variance a + b x has errors proportional to itself.
 fn growth(squares: &[f64], slopes: &[f64]) -> Option<Growth> {
-    let (mut a, mut b, mut error) = (1.0, 0.0, f64::INFINITY);
+    // As if half of the variance were jitter's: under equal weights the few samples at which an output jumps decide.
+    let (mut a, mut b, mut error) = (1.0, slopes.len() as f64 / slopes.iter().sum::<f64>().max(f64::MIN_POSITIVE), f64::INFINITY);
     for _ in 0..20 {
         let (mut s, mut sx, mut sxx, mut sy, mut sxy) = (0.0, 0.0, 0.0, 0.0, 0.0);
         for (y, x) in squares.iter().zip(slopes) {

@@ -221,6 +221,30 @@ fn jitter_counts_where_it_scatters() {
     assert!((0..10).filter(|seed| jitters(*seed)).count() >= 9);
 }
 
+/// A few samples at which the simulated output jumps would have all the weight.
+#[test]
+fn a_jump_does_not_hide_jitter() {
+    let jitters = |seed: u64| {
+        let mut case = Case::new(seed, |_, i, y, slope, random| y + NOISE[i] * normal(random) + 0.015 * slope * normal(random));
+        for (run, stretch) in case.truth.iter_mut().zip(&mut case.data.stretches) {
+            run.iter_mut().chain(&mut stretch.outputs).for_each(|series| series[400] += 3.0);
+        }
+        case.compare(None, |c| examine(c, seed)).jitter.is_some()
+    };
+    assert!((0..10).filter(|seed| jitters(*seed)).count() >= 9);
+}
+
+/// At stamps as far off as they are apart an estimate may say a little more.
+#[test]
+fn stamps_may_be_off_by_their_distance_and_not_by_twice_that() {
+    let found = |share: f64, seed: u64| {
+        let case = Case::new(seed, |_, i, y, slope, random| y + NOISE[i] * normal(random) + 0.05 * share * slope * normal(random));
+        case.compare(None, |c| examine(c, seed)).jitter.is_some()
+    };
+    assert!((0..10).filter(|seed| found(1.0, *seed)).count() >= 9);
+    assert!((0..10).all(|seed| !found(2.0, seed)));
+}
+
 #[test]
 fn counts_are_a_lattice_and_its_quantum_is_found() {
     let quantum = 0.012;

@@ -4,7 +4,6 @@ use wheelwright_core::effect::{Confusion, Effect, EffectParameter, Estimate, Sta
 
 use crate::finding::{Alternative, Finding, FoundParameter, settings};
 use crate::fit::algebra::Directions;
-use crate::fit::search::Fit;
 use crate::select::{Rival, SHARE, Search, Selected, State, TOLD};
 
 use super::TWO_SIDED_95;
@@ -17,13 +16,14 @@ pub(crate) const MENTIONED: f64 = 10.0;
 /// How an effect says of another that no drive tells them apart.
 const ALWAYS: &str = "always";
 
-/// Estimates of all unknowns with their intervals.
-fn intervals(fit: &Fit, search: &Search<'_>) -> Vec<Option<f64>> {
-    let directions = Directions::of(&fit.information(&search.setting));
+/// How far the 95 % intervals of all unknowns go to either side.
+fn intervals(search: &Search<'_>, selected: &Selected) -> Vec<Option<[f64; 2]>> {
+    let Selected { state, whitening, .. } = selected;
+    let directions = Directions::of(&state.fit.information(&search.setting));
     let (covariance, told) = (directions.inverse(), directions.visibility());
-    (0..told.len())
-        .map(|j| (told[j] > TOLD && covariance[(j, j)].is_finite()).then(|| TWO_SIDED_95 * covariance[(j, j)].max(0.0).sqrt()))
-        .collect()
+    let wider = search.known_of(state, &whitening.noise).map_or_else(|| vec![[1.0; 2]; told.len()], |known| known.wider);
+    let half = |j: usize| (told[j] > TOLD && covariance[(j, j)].is_finite()).then(|| TWO_SIDED_95 * covariance[(j, j)].max(0.0).sqrt());
+    (0..told.len()).map(|j| half(j).map(|half| wider[j].map(|wider| wider * half))).collect()
 }
 
 /// Findings, and the explanations that could take that of the whole's place.
@@ -31,7 +31,7 @@ pub(super) fn findings(search: &Search<'_>, selected: &Selected, rests: &[Option
     let mut open = Vec::new();
     let setting = &search.setting;
     let state = &selected.state;
-    let halves = intervals(&state.fit, search);
+    let halves = intervals(search, selected);
     let mut at = setting.free();
     let mut all = Vec::with_capacity(state.effects.len());
     for (member, index) in state.effects.iter().enumerate() {
@@ -42,8 +42,9 @@ pub(super) fn findings(search: &Search<'_>, selected: &Selected, rests: &[Option
         let values = state.fit.point.x[range.clone()].to_vec();
         let estimate = |(i, p): (usize, &EffectParameter)| {
             let value = values[i];
-            let inside = |half: f64| {
-                (half < p.scale.abs().max(value.abs()) * 100.0).then(|| ((value - half).max(p.bounds.0), (value + half).min(p.bounds.1)))
+            let inside = |[below, above]: [f64; 2]| {
+                let told = below.max(above) < p.scale.abs().max(value.abs()) * 100.0;
+                told.then(|| ((value - below).max(p.bounds.0), (value + above).min(p.bounds.1)))
             };
             Estimate { value, ci95: halves[range.start + i].and_then(inside) }
         };
@@ -88,9 +89,16 @@ pub(crate) fn always(a: &dyn Effect, b: &dyn Effect) -> Option<&'static Confusio
 
 /// How much worse a rival may be in penalised evidence for these data to leave it so open: two frictions turn over near standstill each in its own
 /// way, and no model of them is exact there.
-pub(crate) fn reach(least: f64, found: &dyn Effect, rival: &dyn Effect, worth: f64) -> f64 {
+fn reach(least: f64, found: &dyn Effect, rival: &dyn Effect, worth: f64) -> f64 {
     let frictions = found.stage() == Stage::Bearing && found.family() == rival.family();
     if always(found, rival).is_some() || frictions { least.max(SHARE * worth) } else { least }
+}
+
+/// Whether a rival is near enough to be mentioned. Of two causes that are known to look alike the one does not take the other's place by
+/// having fewer parameters: what explains as much with more of them is mentioned as well, unless it is the same with a part to spare.
+pub(crate) fn mentioned(found: &dyn Effect, effect: &dyn Effect, rival: &Rival, worth: f64) -> bool {
+    let alike = confusion(found, effect).is_some() && !effect.contains().contains(&found.name());
+    rival.gap < reach(MENTIONED, found, effect, worth) || (alike && rival.gap - rival.cost < MENTIONED)
 }
 
 /// Rivals near enough to be mentioned, each name once. What is the same under every drive differs by what nobody recorded before the first
@@ -99,7 +107,7 @@ fn alternatives(search: &Search<'_>, found: &dyn Effect, worth: f64, rivals: &[R
     let mut all: Vec<Alternative> = Vec::new();
     for rival in rivals {
         let effect = search.effect(rival.effect);
-        if rival.gap >= reach(MENTIONED, found, effect, worth) {
+        if !mentioned(found, effect, rival, worth) {
             continue;
         }
         if effect.name() == found.name() || all.iter().any(|a| a.name == effect.name()) {

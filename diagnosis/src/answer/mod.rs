@@ -18,7 +18,7 @@ use crate::screen::Response;
 use crate::select::{Search, Selected, State, TOLD};
 use crate::untestable;
 
-pub(crate) use findings::{MENTIONED, always, reach};
+pub(crate) use findings::{MENTIONED, always, mentioned};
 pub(crate) use proof::{clocks, proven};
 
 use findings::findings;
@@ -60,8 +60,8 @@ impl Story<'_> {
 pub(crate) struct Means {
     /// The evidence.
     pub(crate) evidence: f64,
-    /// The name of what makes the outputs late where they are not read so.
-    pub(crate) instead: Option<String>,
+    /// The names of what may make the outputs late where they are not read so.
+    pub(crate) instead: Vec<String>,
     /// The base model of outputs that are read at their time.
     pub(crate) base: Fit,
 }

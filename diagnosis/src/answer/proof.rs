@@ -7,7 +7,7 @@ use wheelwright_core::effect::Scene;
 use crate::finding::{Fits, Replay, Rung};
 use crate::fit::setting::Setting;
 use crate::holdout::{BorneOut, Explanation, Ground, Loss, Proof, Runs, Transfer, foreign, losses, shifted, transfer};
-use crate::leeway::moved_within;
+use crate::leeway::Leeway;
 use crate::question::Question;
 use crate::select::{SHARE, Search, State};
 
@@ -96,7 +96,7 @@ impl Proven {
         let with_leeway = |state: &State| {
             // What parameters cost at their true values, and what the imperfect form of a law makes of them.
             let most = affordable(selected.state.fit.rank(setting)) + SHARE * selected.gained(setting, &selected.state.fit);
-            let there = moved_within(most, search, state, &shifted, &scene, &selected.whitening.noise);
+            let there = Leeway::new(search, state, &selected.whitening.noise).moved_within(most, &shifted, &scene);
             there.is_some_and(|there| holds(&losses(&shifted, &there.simulated, noise, jitter)))
         };
         // Leeway that saves the base model as well speaks for nothing that was added to it.

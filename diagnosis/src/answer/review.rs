@@ -95,7 +95,7 @@ pub(super) fn following(setting: &Setting<'_>, noise: &Noise, base: &Fit) -> Opt
         left_over: Some(share),
         statement,
         effect: None,
-        instead: None,
+        instead: Vec::new(),
     })
 }
 
@@ -110,7 +110,7 @@ pub(super) fn beyond(effect: &dyn Effect, finding: &Finding) -> Option<Flag> {
         left_over: Some(1.0),
         statement,
         effect: None,
-        instead: None,
+        instead: Vec::new(),
     })
 }
 
@@ -119,11 +119,12 @@ pub(super) fn beyond(effect: &dyn Effect, finding: &Finding) -> Option<Flag> {
 pub(super) fn means(means: Means, scene: &Scene) -> Flag {
     let Means { evidence, instead, .. } = means;
     let statement = "speeds are recorded as means over the sampling interval".to_owned();
-    let because = format!(
+    let because = &format!(
         "always, but for what is faster than the samples: a mean over an interval is late by half of it, {} s",
         digits(0.5 * scene.scales.period)
     );
-    let instead = instead.map(|name| Alternative { name, gap: evidence, because, always: true, open: false });
+    let alternative = |name| Alternative { name, gap: evidence, because: because.clone(), always: true, open: false };
+    let instead = instead.into_iter().map(alternative).collect();
     let effect = Some((COUNTED.to_owned(), vec![0.0]));
     Flag { test: "means over the interval", value: evidence, threshold: 0.0, left_over: None, statement, effect, instead }
 }

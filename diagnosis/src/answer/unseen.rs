@@ -5,7 +5,7 @@ use wheelwright_core::effect::{Estimate, Scene, Start};
 
 use crate::fit::setting::Point;
 use crate::holdout::{Loss, fits, mean};
-use crate::leeway::moved;
+use crate::leeway::Leeway;
 use crate::residuals::Series;
 use crate::select::{Search, Selected, State};
 
@@ -37,11 +37,10 @@ pub(super) fn unseen(
     let left = |state: &State| mean(&losses(&proven(search, state, data, scene).simulated));
     let states = out_of_reach(search, selected, kin)?.map(|state| (left(&state), state));
     let (_, state) = states.min_by(|a, b| a.0.total_cmp(&b.0))?;
-    let there = moved(search, &state, data, scene, &selected.whitening.noise)?;
+    let there = Leeway::new(search, &state, &selected.whitening.noise).moved(data, scene)?;
     let effect = search.effect(*state.effects.last()?);
     let values = &there.x[there.x.len() - effect.parameters(scene).len()..];
-    let estimates: Vec<Estimate> = values.iter().map(|value| Estimate { value: *value, ci95: None }).collect();
-    let statement = effect.statement(&estimates, search.setting.scene);
+    let statement = effect.statement(&Estimate::bare(values), search.setting.scene);
     let fits = data.outputs.iter().zip(fits(data, &there.simulated)).map(|(output, fit)| format!("{} {fit:.1} %", output.name));
     let statement = format!("{statement}; with it the fit there is {}", fits.collect::<Vec<_>>().join(", "));
     Some(Unseen { losses: losses(&there.simulated), statement })

@@ -86,6 +86,10 @@ impl Effect for RollingResistance {
                 with: "direction_asymmetry",
                 because: "while the robot does not drive backwards, what it carries along takes a constant off the forward command, as friction does that is greater forwards",
             },
+            Confusion {
+                with: "dead_zone",
+                because: "a dead zone that subtracts takes as much off, but by the sign of the command and not by that of the motion",
+            },
             Confusion { with: "castor_drag", because: "on the straight a castor drags with the same force" },
             Confusion {
                 with: "slope",

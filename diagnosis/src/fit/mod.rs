@@ -3,6 +3,7 @@
 pub(crate) mod algebra;
 pub(crate) mod base;
 pub(crate) mod layout;
+pub(crate) mod profile;
 pub(crate) mod search;
 pub(crate) mod setting;
 pub(crate) mod whitening;

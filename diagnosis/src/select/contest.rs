@@ -71,7 +71,7 @@ impl<'a> Search<'a> {
                 member = fixed;
                 continue;
             }
-            selected.rivals.push(self.beside(&rest, &refined, selected.state.effects[member], present.score));
+            selected.rivals.push(self.beside(&rest, &refined, &present));
             member += 1;
         }
         selected.rivals.resize(selected.state.effects.len(), Vec::new());
@@ -112,7 +112,7 @@ impl<'a> Search<'a> {
     }
 
     /// A member as it stands beside the candidates for its place.
-    fn present(&self, selected: &Selected, rest: &State, member: usize) -> Refined {
+    pub(super) fn present(&self, selected: &Selected, rest: &State, member: usize) -> Refined {
         let fit = selected.state.fit.clone();
         let (freedom, score) = self.beyond(&selected.state.effects, &fit, rest);
         Refined { effect: selected.state.effects[member], fit, freedom, score }

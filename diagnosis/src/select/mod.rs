@@ -7,6 +7,7 @@
 
 mod contest;
 mod look;
+mod modest;
 mod refit;
 mod settle;
 
@@ -66,6 +67,8 @@ pub(crate) struct Rival {
     pub(crate) state: State,
     /// By how much its penalised score is worse.
     pub(crate) gap: f64,
+    /// What of that its further parameters cost it.
+    pub(crate) cost: f64,
 }
 
 /// The search's fixed surroundings.
@@ -270,7 +273,7 @@ impl<'a> Search<'a> {
             state: State { effects, fit: with },
             whitening,
             base,
-            rivals: vec![self.beside(&selected.state, refined, candidate.effect, candidate.score)],
+            rivals: vec![self.beside(&selected.state, refined, candidate)],
             ranking: selected.ranking.clone(),
         })
     }
@@ -295,10 +298,14 @@ impl<'a> Search<'a> {
     }
 
     /// The refined effects other than the one that was taken, as rivals of it.
-    fn beside(&self, rest: &State, refined: &[Refined], taken: usize, score: f64) -> Vec<Rival> {
-        let others = refined.iter().filter(|r| r.effect != taken);
-        let joined = |r: &Refined| State { effects: rest.and(r.effect), fit: r.fit.clone() };
-        others.map(|r| Rival { effect: r.effect, state: joined(r), gap: score - r.score }).collect()
+    fn beside(&self, rest: &State, refined: &[Refined], taken: &Refined) -> Vec<Rival> {
+        let rival = |r: &Refined| Rival {
+            effect: r.effect,
+            state: State { effects: rest.and(r.effect), fit: r.fit.clone() },
+            gap: taken.score - r.score,
+            cost: self.penalty(r.freedom) - self.penalty(taken.freedom),
+        };
+        refined.iter().filter(|r| r.effect != taken.effect).map(rival).collect()
     }
 
     /// How many members are known and stay.

@@ -4,6 +4,7 @@ use super::{COMPARING, FINAL, Search, Selected, State, TOLD};
 use crate::fit::Fitted;
 use crate::fit::algebra::Directions;
 use crate::fit::base::renew;
+use crate::fit::profile::Known;
 use crate::fit::search::{Effort, Fit, evaluate, maximise};
 use crate::fit::setting::Point;
 use crate::fit::whitening::Whitening;
@@ -33,6 +34,16 @@ impl<'a> Search<'a> {
         let fit = evaluate(&self.setting, &mut runner, &whitening, &point)?;
         let fit = maximise(&self.setting, &mut runner, &whitening, fit, COMPARING, false);
         Some((whitening, fit))
+    }
+
+    /// What the data know of the parameters of a model that was fitted under a noise, if there is time to find it out.
+    pub(crate) fn known_of(&self, state: &State, noise: &Noise) -> Option<Known> {
+        if self.setting.exhausted() {
+            return None;
+        }
+        let mut runner = self.runner(&state.effects, &state.fit.point)?;
+        let whitening = Whitening::new(noise.clone(), &self.setting.layout, &mut runner, &state.fit.point, &state.fit.simulated);
+        Some(Known::of(&self.setting, &mut runner, &whitening, &state.fit))
     }
 
     /// The fit from a point under a noise that is whitened as it was; its columns are exact if `exact`.

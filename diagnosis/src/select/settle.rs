@@ -87,13 +87,17 @@ impl<'a> Search<'a> {
             return Vec::new();
         }
         let Some(rest) = self.without(selected, member) else { return Vec::new() };
-        let (z, worth) = (self.unbent(&selected.state, member), self.worth(selected, &rest));
+        let (z, (freedom, worth)) =
+            (self.unbent(&selected.state, member), self.beyond(&selected.state.effects, &selected.state.fit, &rest));
         let placed = |i: usize| {
             let Refined { fit, .. } = self.placed(i, self.starts(i), &z, selected, &rest)?;
             let by = self.only(selected, &State { effects: rest.and(i), fit })?;
-            let more = self.worth(&by, &rest) - worth;
+            let (wider_freedom, wider_worth) = self.beyond(&by.state.effects, &by.state.fit, &rest);
             let mut wider = succeeding(selected, member, by);
-            wider.rivals.iter_mut().skip(rest.effects.len()).flatten().for_each(|r| r.gap += more);
+            for rival in wider.rivals.iter_mut().skip(rest.effects.len()).flatten() {
+                rival.gap += wider_worth - worth;
+                rival.cost += self.penalty(freedom) - self.penalty(wider_freedom);
+            }
             Some(wider)
         };
         wide.into_iter().filter(|i| self.joins(*i, &rest.effects)).filter_map(placed).collect()
@@ -140,8 +144,8 @@ impl<'a> Search<'a> {
             let z = self.unbent(&selected.state, member);
             let placed = |i: &usize| self.placed(*i, self.starts(*i), &z, selected, rest);
             let twins: Vec<Refined> = self.open.iter().filter(same).filter_map(placed).collect();
-            let worth = self.worth(selected, rest);
-            selected.rivals[member].extend(self.beside(rest, &twins, found, worth));
+            let present = self.present(selected, rest, member);
+            selected.rivals[member].extend(self.beside(rest, &twins, &present));
         }
     }
 }
@@ -150,33 +154,10 @@ impl<'a> Search<'a> {
 mod tests {
     #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
-    use std::cell::OnceCell;
-
-    use wheelwright_core::ModelConfig;
-    use wheelwright_core::simulation::Readout;
-    use wheelwright_models::VwPdConfig;
-
     use super::*;
-    use crate::diagnose::{Surroundings, setting, surroundings};
     use crate::effects::{CommandDelay, CoulombFriction, QuadraticDrag, SensorDelay, StribeckFriction};
     use crate::fit::search::evaluate;
-    use crate::fit::setting::Point;
-    use crate::fixture::{Case, NOISE, normal};
-    use crate::question::Question;
-
-    /// Hands a test a search in which the first effects of a library were selected, and nothing is known of rivals.
-    fn with_selected(case: &Case, library: &[Box<dyn Effect>], members: usize, test: impl FnOnce(&Search<'_>, Selected)) {
-        let (model, course) = (VwPdConfig::default().build().unwrap(), OnceCell::new());
-        let question = Question::new(&*model, &case.data, library);
-        let start = surroundings(setting(&question, &case.data, &case.scene, Readout::Instantaneous), &question, &course).unwrap();
-        let Surroundings { search, whitening, base, .. } = start;
-        let values = library[..members].iter().flat_map(|effect| effect.starts(&case.scene).remove(0).values);
-        let point = Point { x: base.point.x.iter().copied().chain(values).collect(), starts: base.point.starts.clone() };
-        let effects: Vec<usize> = (0..members).collect();
-        let (whitening, fit) = search.at(&effects, point, &whitening.noise).unwrap();
-        let state = State { effects, fit };
-        test(&search, Selected { state, whitening, base, rivals: vec![Vec::new(); members], ranking: Vec::new() });
-    }
+    use crate::fixture::{Case, NOISE, normal, with_selected};
 
     #[test]
     fn members_that_are_worth_nothing_go() {

@@ -1,0 +1,63 @@
+//! What the training data know of an effect's parameters, as far as these can go.
+//!
+//! Derivatives tell what a small change does. Some changes do nothing from a size on: a friction that holds a wheel at rest holds it at twice that size
+//! as well, and what its derivative shows there is only how the steps of the simulation fall. So each parameter is moved to either side by more
+//! than the 95 % interval that derivatives give it, and farther while the likelihood falls less than it would at the end of one. An interval
+//! that is wider than e's by w leaves of the information H
+//!
+//! H' = H − (1 − 1/w²) e eᵀ / C_jj
+//!
+//! which has 1/w² of what was known of e and all that is known of the others beside it.
+
+use nalgebra::DMatrix;
+
+use super::algebra::Directions;
+use super::search::{Fit, evaluate};
+use super::setting::{Runner, Setting};
+use super::whitening::Whitening;
+
+/// Half of a 95 % interval in standard deviations, and what twice the log-likelihood loses there.
+const INTERVAL: f64 = 2.0;
+const LOST: f64 = INTERVAL * INTERVAL;
+/// Most that an interval is widened.
+const WIDEST: f64 = 64.0;
+
+/// What is known of the parameters of a fit.
+pub(crate) struct Known {
+    /// The information, with what is not known of effects' parameters taken out.
+    pub(crate) information: DMatrix<f64>,
+    /// By how much wider an interval is to either side than derivatives say, of each unknown.
+    pub(crate) wider: Vec<[f64; 2]>,
+}
+
+impl Known {
+    pub(crate) fn of(setting: &Setting<'_>, runner: &mut Runner<'_, '_>, whitening: &Whitening, fit: &Fit) -> Self {
+        let mut information = fit.information(setting);
+        let mut wider = vec![[1.0; 2]; fit.point.x.len()];
+        let best = evaluate(setting, runner, whitening, &fit.point);
+        for j in setting.free()..wider.len() {
+            let variance = Directions::of(&information).inverse()[(j, j)];
+            if let Some(best) = best.as_ref().filter(|_| variance > 0.0) {
+                wider[j] = [-1.0, 1.0].map(|side| width(setting, runner, whitening, best, j, side * INTERVAL * variance.sqrt()));
+                information[(j, j)] -= (1.0 - wider[j][0].max(wider[j][1]).powi(-2)) / variance;
+            }
+        }
+        Self { information, wider }
+    }
+}
+
+/// How many times its distance a parameter can go before it is known to be wrong.
+fn width(setting: &Setting<'_>, runner: &mut Runner<'_, '_>, whitening: &Whitening, best: &Fit, unknown: usize, distance: f64) -> f64 {
+    let (lower, upper) = runner.parameters[unknown - setting.free()].bounds;
+    let mut width = 1.0;
+    while width < WIDEST {
+        let mut point = best.point.clone();
+        point.x[unknown] += 2.0 * width * distance;
+        let there = if (lower..=upper).contains(&point.x[unknown]) { evaluate(setting, runner, whitening, &point) } else { None };
+        if there.is_none_or(|there| best.likelihood(setting) - there.likelihood(setting) >= LOST) {
+            break;
+        }
+        width *= 2.0;
+    }
+    width
+}

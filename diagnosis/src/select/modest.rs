@@ -1,0 +1,168 @@
+//! Of what is only known to be at least so large, the least.
+//!
+//! A friction that holds a wheel at rest holds it at twice that size as well, and a search stops at whatever size it came upon. Other driving
+//! overcomes what is too large less often than it should. So where half of a parameter explains as much, though its derivative says otherwise, it
+//! goes down to where less would show, as far as the form of a law is exact.
+
+use super::{SHARE, Search, Selected};
+use crate::fit::algebra::Directions;
+use crate::fit::search::{Effort, Fit, evaluate, maximise};
+
+/// Twice the log-likelihood that half of a parameter may lose: that of two standard deviations.
+const LOST: f64 = 4.0;
+/// The same that its derivative promises for that to say anything: eight standard deviations.
+const PROMISED: f64 = 64.0;
+/// Most halvings of a parameter, and then of the step back.
+const HALVINGS: i32 = 10;
+const FINER: usize = 3;
+/// How far the other unknowns follow.
+const FOLLOWING: Effort = Effort { trials: 8, worthwhile: 0.1, target: f64::NEG_INFINITY };
+
+impl Search<'_> {
+    /// The selection with parameters that can be less at no loss as small as they can be.
+    pub(crate) fn modest(&self, mut selected: Selected) -> Selected {
+        for (k, parameter) in self.parameters(&selected.state.effects).iter().enumerate().filter(|_| !self.setting.exhausted()) {
+            // A limit does nothing where it is infinite.
+            let Some(neutral) = parameter.neutral.filter(|n| n.is_finite() && parameter.usual.is_none()) else { continue };
+            if let Some(fit) = self.least(&selected, k, neutral) {
+                selected.state.fit = fit;
+            }
+        }
+        selected
+    }
+
+    /// The fit with an effects' parameter as near to where it does nothing as it can go, if it can go half of the way against its derivative's
+    /// promise.
+    fn least(&self, selected: &Selected, parameter: usize, neutral: f64) -> Option<Fit> {
+        let (whitening, fit, unknown) = (&selected.whitening, &selected.state.fit, self.setting.free() + parameter);
+        let size = fit.point.x[unknown] - neutral;
+        let variance = Directions::of(&fit.information(&self.setting)).inverse()[(unknown, unknown)];
+        if variance <= 0.0 || (0.5 * size).powi(2) < PROMISED * variance {
+            return None;
+        }
+        let at = |share: f64, lost: f64| {
+            let mut point = fit.point.clone();
+            point.x[unknown] = neutral + share * size;
+            let mut runner = self.runner(&selected.state.effects, &point)?;
+            // The search would take it back to where it came from.
+            runner.parameters[parameter].bounds = (point.x[unknown], point.x[unknown]);
+            let there = evaluate(&self.setting, &mut runner, whitening, &point)?;
+            let there = maximise(&self.setting, &mut runner, whitening, there, FOLLOWING, true);
+            (fit.likelihood(&self.setting) - there.likelihood(&self.setting) < lost).then_some(there)
+        };
+        let mut found = at(0.5, LOST)?;
+        let lost = LOST.max(SHARE * selected.gained(&self.setting, fit));
+        let (mut less, mut share) = (0.25, 0.5);
+        for _ in 0..HALVINGS {
+            let Some(there) = at(less, lost) else { break };
+            (found, less, share) = (there, 0.5 * less, less);
+        }
+        for _ in 0..FINER {
+            let middle = 0.5 * (less + share);
+            match at(middle, lost) {
+                Some(there) => (found, share) = (there, middle),
+                None => less = middle,
+            }
+        }
+        Some(found)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
+
+    use serde::{Deserialize, Serialize};
+    use wheelwright_core::Effect;
+    use wheelwright_core::effect::{EffectParameter, Estimate, Instant, Scene, Stage, Start};
+
+    use super::*;
+    use crate::fixture::{Case, NOISE, normal, with_selected};
+    use crate::noise::Noise;
+    use crate::select::FINAL;
+
+    /// What the forward command loses, of which more than this changes nothing.
+    const ENOUGH: f64 = 0.05;
+
+    /// A loss that is full from a size on, but for a ripple that no data show: what steps of a simulation leave of a threshold.
+    #[derive(Debug, Clone, Default, Serialize, Deserialize)]
+    struct Full;
+
+    #[typetag::serde(name = "full-of-a-test")]
+    impl Effect for Full {
+        fn name(&self) -> &str {
+            "full"
+        }
+
+        fn about(&self) -> String {
+            "a loss that is full from a size on".to_owned()
+        }
+
+        fn stage(&self) -> Stage {
+            Stage::Threshold
+        }
+
+        fn parameters(&self, _: &Scene) -> Vec<EffectParameter> {
+            vec![EffectParameter::new("size", "m/s", (0.0, 10.0), 0.01).neutral(0.0)]
+        }
+
+        fn starts(&self, _: &Scene) -> Vec<Start> {
+            vec![Start { values: vec![ENOUGH], columns: vec![vec![0]], linear: false }]
+        }
+
+        fn statement(&self, _: &[Estimate], _: &Scene) -> String {
+            String::new()
+        }
+
+        fn excitation(&self) -> &'static str {
+            ""
+        }
+
+        fn command(&self, p: &[f64], _: &Instant<'_>, _: &[f64], _: &mut [f64], u: &mut [f64]) {
+            // No sign has no loss.
+            u[0] -= (1e3 * u[0]).clamp(-1.0, 1.0) * p[0].min(ENOUGH) + 5e-5 * (50.0 * p[0]).sin();
+        }
+    }
+
+    /// Hands a test a selection of that loss, at a size that is far too large, from a recording in which forward commands lose just enough.
+    fn with_too_much(test: impl FnOnce(&Search<'_>, Selected)) {
+        let mut case = Case::new(11, |_, i, y, _, random| y + NOISE[i] * normal(random));
+        let forward = case.data.stretches.iter_mut().flat_map(|stretch| &mut stretch.inputs[0]);
+        forward.filter(|u| **u != 0.0).for_each(|u| *u += u.signum() * ENOUGH);
+        let library: Vec<Box<dyn Effect>> = vec![Box::new(Full)];
+        with_selected(&case, &library, 1, |search, mut selected| {
+            let noise = Noise::white(&NOISE, &search.setting.layout);
+            let (whitening, fit) = search.under(&[0], &selected.state.fit, &noise, FINAL).unwrap();
+            (selected.whitening, selected.base) = (whitening, search.under(&[], &selected.base, &noise, FINAL).unwrap().1);
+            let mut point = fit.point;
+            *point.x.last_mut().unwrap() = 160.0 * ENOUGH;
+            let there = Effort { trials: 0, ..FOLLOWING };
+            selected.state.fit = search.fitted_from(&[0], &point, &selected.whitening, there, true).unwrap();
+            test(search, selected);
+        });
+    }
+
+    #[test]
+    fn what_can_be_less_at_no_loss_is_the_least_that_does() {
+        with_too_much(|search, selected| {
+            let before = selected.state.fit.likelihood(&search.setting);
+            let lost = SHARE * selected.gained(&search.setting, &selected.state.fit);
+            let modest = search.modest(selected);
+            let size = *modest.state.fit.point.x.last().unwrap();
+            assert!((0.8 * ENOUGH..1.1 * ENOUGH).contains(&size), "{size}");
+            assert!(before - modest.state.fit.likelihood(&search.setting) < lost);
+        });
+    }
+
+    #[test]
+    fn what_more_of_changes_nothing_is_not_known_by_its_derivative() {
+        with_too_much(|search, selected| {
+            let known = search.known_of(&selected.state, &selected.whitening.noise).unwrap();
+            let last = known.wider.len() - 1;
+            let variance = |information| Directions::of(information).inverse()[(last, last)];
+            let derivatives = selected.state.fit.information(&search.setting);
+            assert!(known.wider[last][0] >= 8.0, "{:?}", known.wider);
+            assert!(variance(&known.information) > 50.0 * variance(&derivatives));
+        });
+    }
+}
