@@ -16,14 +16,16 @@ pub(crate) const MENTIONED: f64 = 10.0;
 /// How an effect says of another that no drive tells them apart.
 const ALWAYS: &str = "always";
 
-/// How far the 95 % intervals of all unknowns go to either side.
+/// How far the 95 % intervals of effects' parameters go to either side, where the data tell.
 fn intervals(search: &Search<'_>, selected: &Selected) -> Vec<Option<[f64; 2]>> {
     let Selected { state, whitening, .. } = selected;
     let directions = Directions::of(&state.fit.information(&search.setting));
     let (covariance, told) = (directions.inverse(), directions.visibility());
-    let wider = search.known_of(state, &whitening.noise).map_or_else(|| vec![[1.0; 2]; told.len()], |known| known.wider);
-    let half = |j: usize| (told[j] > TOLD && covariance[(j, j)].is_finite()).then(|| TWO_SIDED_95 * covariance[(j, j)].max(0.0).sqrt());
-    (0..told.len()).map(|j| half(j).map(|half| wider[j].map(|wider| wider * half))).collect()
+    let effects = search.setting.free()..told.len();
+    let by_derivatives = || effects.clone().map(|j| [covariance[(j, j)].max(0.0).sqrt(); 2]).collect();
+    let deviations = search.known_of(state, &whitening.noise).map_or_else(by_derivatives, |known| known.deviations);
+    let interval = |(j, sides): (usize, [f64; 2])| (told[j] > TOLD).then(|| sides.map(|deviation| TWO_SIDED_95 * deviation));
+    effects.clone().zip(deviations).map(interval).collect()
 }
 
 /// Findings, and the explanations that could take that of the whole's place.
@@ -32,7 +34,8 @@ pub(super) fn findings(search: &Search<'_>, selected: &Selected, rests: &[Option
     let setting = &search.setting;
     let state = &selected.state;
     let halves = intervals(search, selected);
-    let mut at = setting.free();
+    let free = setting.free();
+    let mut at = free;
     let mut all = Vec::with_capacity(state.effects.len());
     for (member, index) in state.effects.iter().enumerate() {
         let effect = search.effect(*index);
@@ -46,7 +49,7 @@ pub(super) fn findings(search: &Search<'_>, selected: &Selected, rests: &[Option
                 let told = below.max(above) < p.scale.abs().max(value.abs()) * 100.0;
                 told.then(|| ((value - below).max(p.bounds.0), (value + above).min(p.bounds.1)))
             };
-            Estimate { value, ci95: halves[range.start + i].and_then(inside) }
+            Estimate { value, ci95: halves[range.start - free + i].and_then(inside) }
         };
         let estimates: Vec<Estimate> = parameters.iter().enumerate().map(estimate).collect();
         let rivals = selected.rivals.get(member).map_or(&[][..], Vec::as_slice);

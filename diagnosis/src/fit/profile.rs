@@ -26,23 +26,29 @@ const WIDEST: f64 = 64.0;
 pub(crate) struct Known {
     /// The information, with what is not known of effects' parameters taken out.
     pub(crate) information: DMatrix<f64>,
-    /// By how much wider an interval is to either side than derivatives say, of each unknown.
-    pub(crate) wider: Vec<[f64; 2]>,
+    /// Of each effect's parameter the standard deviation to either side.
+    pub(crate) deviations: Vec<[f64; 2]>,
 }
 
 impl Known {
     pub(crate) fn of(setting: &Setting<'_>, runner: &mut Runner<'_, '_>, whitening: &Whitening, fit: &Fit) -> Self {
         let mut information = fit.information(setting);
-        let mut wider = vec![[1.0; 2]; fit.point.x.len()];
         let best = evaluate(setting, runner, whitening, &fit.point);
-        for j in setting.free()..wider.len() {
-            let variance = Directions::of(&information).inverse()[(j, j)];
-            if let Some(best) = best.as_ref().filter(|_| variance > 0.0) {
-                wider[j] = [-1.0, 1.0].map(|side| width(setting, runner, whitening, best, j, side * INTERVAL * variance.sqrt()));
-                information[(j, j)] -= (1.0 - wider[j][0].max(wider[j][1]).powi(-2)) / variance;
+        let mut deviations = Vec::with_capacity(fit.point.x.len() - setting.free());
+        for j in setting.free()..fit.point.x.len() {
+            let variance = Directions::of(&information).inverse()[(j, j)].max(0.0);
+            let wider = match &best {
+                Some(best) if variance > 0.0 => {
+                    [-1.0, 1.0].map(|side| width(setting, runner, whitening, best, j, side * INTERVAL * variance.sqrt()))
+                }
+                _ => [1.0; 2],
+            };
+            deviations.push(wider.map(|wider| wider * variance.sqrt()));
+            if variance > 0.0 {
+                information[(j, j)] -= (1.0 - wider[0].max(wider[1]).powi(-2)) / variance;
             }
         }
-        Self { information, wider }
+        Self { information, deviations }
     }
 }
 

@@ -72,6 +72,7 @@ impl Search<'_> {
 mod tests {
     #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
+    use nalgebra::DMatrix;
     use serde::{Deserialize, Serialize};
     use wheelwright_core::Effect;
     use wheelwright_core::effect::{EffectParameter, Estimate, Instant, Scene, Stage, Start};
@@ -158,11 +159,11 @@ mod tests {
     fn what_more_of_changes_nothing_is_not_known_by_its_derivative() {
         with_too_much(|search, selected| {
             let known = search.known_of(&selected.state, &selected.whitening.noise).unwrap();
-            let last = known.wider.len() - 1;
-            let variance = |information| Directions::of(information).inverse()[(last, last)];
-            let derivatives = selected.state.fit.information(&search.setting);
-            assert!(known.wider[last][0] >= 8.0, "{:?}", known.wider);
-            assert!(variance(&known.information) > 50.0 * variance(&derivatives));
+            let variance =
+                |information: &DMatrix<f64>| Directions::of(information).inverse()[(search.setting.free(), search.setting.free())];
+            let by_derivatives = variance(&selected.state.fit.information(&search.setting));
+            assert!(known.deviations[0][0] >= 8.0 * by_derivatives.sqrt(), "{:?}", known.deviations);
+            assert!(variance(&known.information) > 50.0 * by_derivatives);
         });
     }
 }

@@ -36,9 +36,9 @@ impl<'a> Search<'a> {
         Some((whitening, fit))
     }
 
-    /// What the data know of the parameters of a model that was fitted under a noise, if there is time to find it out.
+    /// What the data know of the parameters of a model with effects that was fitted under a noise, if there is time to find it out.
     pub(crate) fn known_of(&self, state: &State, noise: &Noise) -> Option<Known> {
-        if self.setting.exhausted() {
+        if state.effects.is_empty() || self.setting.exhausted() {
             return None;
         }
         let mut runner = self.runner(&state.effects, &state.fit.point)?;
