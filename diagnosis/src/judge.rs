@@ -53,14 +53,7 @@ pub(crate) fn judged(question: &Question<'_>, search: &Search<'_>, mut selected:
 /// narrow one on the training data was too little to be more than the imperfect form of that.
 pub(crate) fn widened(question: &Question<'_>, search: &Search<'_>, selected: &Selected) -> Option<Selected> {
     let bench = Bench::new(question, search, selected)?;
-    let own = bench.with_leeway(search, &selected.state);
-    if !bench.decisive(bench.floor, own) {
-        return None;
-    }
-    let wider = (search.fixed(selected)..selected.state.effects.len()).flat_map(|member| search.wider(selected, member));
-    // As it was fitted a wider law says nothing where what it has beyond the narrow one is what the training data do not show.
-    let losses = wider.map(|wide| (bench.with_leeway(search, &wide.state), wide)).filter(|(loss, _)| bench.decisive(*loss, own));
-    losses.min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, wide)| exchanged(&bench, search, wide))
+    bench.widened(search, selected).map(|wide| exchanged(&bench, search, wide))
 }
 
 /// Each member exchanged for the rival that the held-out data prefer decisively.
@@ -198,13 +191,28 @@ impl<'q> Bench<'q> {
         self.better(search, &rest, &selected.state).then(|| search.only(selected, &rest)).flatten()
     }
 
-    /// The selection with a further effect that is small beside its members on the training data, and is missed on the held-out data.
+    /// The selection with a wider law, or else with a further effect that is small beside its members on the training data, where it is missed on the
+    /// held-out data.
     fn further(&self, search: &Search<'_>, selected: &Selected, first: &[Response]) -> Option<Selected> {
         let none_to_join = selected.state.effects.len() == search.fixed(selected);
-        if none_to_join || search.full(selected) || !self.missed(search, selected) {
+        if none_to_join || !self.missed(search, selected) {
             return None;
         }
-        search.joined_by_little(selected, first).filter(|more| self.better(search, &more.state, &selected.state))
+        let joined = || search.joined_by_little(selected, first).filter(|more| self.better(search, &more.state, &selected.state));
+        // A wider law is one cause, a further effect another: a castor that rolls as heavily as the driven wheels do is no castor that drags.
+        self.widened(search, selected).or_else(|| if search.full(selected) { None } else { joined() })
+    }
+
+    /// The selection with a law in a member's place that contains it, where these data miss what that has more.
+    fn widened(&self, search: &Search<'_>, selected: &Selected) -> Option<Selected> {
+        let own = self.with_leeway(search, &selected.state);
+        if !self.decisive(self.floor, own) {
+            return None;
+        }
+        let wider = (search.fixed(selected)..selected.state.effects.len()).flat_map(|member| search.wider(selected, member));
+        // As it was fitted a wider law says nothing where what it has beyond the narrow one is what the training data do not show.
+        let losses = wider.map(|wide| (self.with_leeway(search, &wide.state), wide)).filter(|(loss, _)| self.decisive(*loss, own));
+        losses.min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, wide)| wide)
     }
 
     /// Whether the held-out error is decisively above that of the training data: something is imperfect there.
