@@ -29,7 +29,7 @@ pub(crate) fn asked_for<'a>(
     if question.track_width.is_some() || selected.state.effects.len() == search.fixed(selected) || search.setting.exhausted() {
         return None;
     }
-    let bench = Bench::new(question, search, selected).filter(|bench| bench.missed(search, selected))?;
+    let bench = Bench::new(question, search, selected).filter(|bench| bench.missed(search, selected).is_some())?;
     let elsewhere = Elsewhere { question, search, selected, headings };
     let loss = |log: f64| elsewhere.loss(&bench, log.exp()).unwrap_or(f64::INFINITY);
     let now = (2.0 * search.setting.scene.frame.half_track()).ln();

@@ -53,7 +53,8 @@ pub(crate) fn judged(question: &Question<'_>, search: &Search<'_>, mut selected:
 /// narrow one on the training data was too little to be more than the imperfect form of that.
 pub(crate) fn widened(question: &Question<'_>, search: &Search<'_>, selected: &Selected) -> Option<Selected> {
     let bench = Bench::new(question, search, selected)?;
-    bench.widened(search, selected).map(|wide| exchanged(&bench, search, wide))
+    let own = bench.missed(search, selected)?;
+    bench.widened(search, selected, own).map(|wide| exchanged(&bench, search, wide))
 }
 
 /// Each member exchanged for the rival that the held-out data prefer decisively.
@@ -194,30 +195,26 @@ impl<'q> Bench<'q> {
     /// The selection with a wider law, or else with a further effect that is small beside its members on the training data, where it is missed on the
     /// held-out data.
     fn further(&self, search: &Search<'_>, selected: &Selected, first: &[Response]) -> Option<Selected> {
-        let none_to_join = selected.state.effects.len() == search.fixed(selected);
-        if none_to_join || !self.missed(search, selected) {
+        if selected.state.effects.len() == search.fixed(selected) {
             return None;
         }
+        let own = self.missed(search, selected)?;
         let joined = || search.joined_by_little(selected, first).filter(|more| self.better(search, &more.state, &selected.state));
         // A wider law is one cause, a further effect another: a castor that rolls as heavily as the driven wheels do is no castor that drags.
-        self.widened(search, selected).or_else(|| if search.full(selected) { None } else { joined() })
+        self.widened(search, selected, own).or_else(|| if search.full(selected) { None } else { joined() })
     }
 
-    /// The selection with a law in a member's place that contains it, where these data miss what that has more.
-    fn widened(&self, search: &Search<'_>, selected: &Selected) -> Option<Selected> {
-        let own = self.with_leeway(search, &selected.state);
-        if !self.decisive(self.floor, own) {
-            return None;
-        }
+    /// The selection with a law in a member's place that contains it, where these data miss what that has more; `own` is what it leaves itself.
+    fn widened(&self, search: &Search<'_>, selected: &Selected, own: f64) -> Option<Selected> {
         let wider = (search.fixed(selected)..selected.state.effects.len()).flat_map(|member| search.wider(selected, member));
         // As it was fitted a wider law says nothing where what it has beyond the narrow one is what the training data do not show.
         let losses = wider.map(|wide| (self.with_leeway(search, &wide.state), wide)).filter(|(loss, _)| self.decisive(*loss, own));
         losses.min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, wide)| wide)
     }
 
-    /// Whether the held-out error is decisively above that of the training data: something is imperfect there.
-    pub(crate) fn missed(&self, search: &Search<'_>, selected: &Selected) -> bool {
-        self.decisive(self.floor, self.with_leeway(search, &selected.state))
+    /// The held-out error if it is decisively above that of the training data: something is imperfect there.
+    pub(crate) fn missed(&self, search: &Search<'_>, selected: &Selected) -> Option<f64> {
+        Some(self.with_leeway(search, &selected.state)).filter(|loss| self.decisive(self.floor, *loss))
     }
 
     /// The selection without the member of which the held-out data know nothing and miss least, if there is such.

@@ -48,8 +48,7 @@ pub(crate) struct Leeway<'s, 'a> {
 impl<'s, 'a> Leeway<'s, 'a> {
     /// Of an explanation that was fitted under a noise.
     pub(crate) fn new(search: &'s Search<'a>, state: &'s State, noise: &'s Noise) -> Self {
-        let known = search.known_of(state, noise).map_or_else(|| state.fit.information(&search.setting), |known| known.information);
-        Self { search, state, noise, known }
+        Self { search, state, noise, known: search.known_of(state, noise).information }
     }
 
     /// Moves the parameters to where other data would have them; `None` where the explanation cannot be simulated there.

@@ -8,7 +8,7 @@
 use wheelwright_core::effect::Frame;
 
 use crate::comparison::{Channels, Comparison};
-use crate::fit::algebra::dot;
+use crate::fit::algebra::{clear, dot, orthonormal};
 
 use super::bursts::FALSE_ALARM;
 
@@ -82,7 +82,7 @@ pub(super) fn find(comparison: &Comparison<'_>) -> Option<Rounding> {
     let kept = kept(comparison);
     let (parts, answer) = (parts(comparison), |loss: &Loss| answer(comparison, &kept, loss));
     let signs = parts.iter().map(|(input, _)| answer(&Loss { input: *input, of: &f64::signum }));
-    let taken = orthonormal(fitted(comparison).chain(signs));
+    let taken: Vec<Vec<f64>> = orthonormal(fitted(comparison).chain(signs), 1e-6, 2).into_iter().flatten().collect();
     let rest = beside(&taken, comparison.white.iter().flatten().flatten().copied().collect());
     let guesses = guesses(&parts);
     let gains: Vec<f64> = guesses.iter().map(|guess| gain(&rest, &guess.lost(&answer))).collect();
@@ -160,28 +160,9 @@ fn fitted<'a>(comparison: &'a Comparison<'_>) -> impl Iterator<Item = Vec<f64>> 
     })
 }
 
-/// An orthonormal basis of what some columns span.
-fn orthonormal(columns: impl Iterator<Item = Vec<f64>>) -> Vec<Vec<f64>> {
-    let mut basis: Vec<Vec<f64>> = Vec::new();
-    for column in columns {
-        let before = dot(&column, &column).sqrt();
-        // Twice, so that rounding does not count.
-        let mut column = beside(&basis, beside(&basis, column));
-        let length = dot(&column, &column).sqrt();
-        if length > 1e-6 * before {
-            column.iter_mut().for_each(|x| *x /= length);
-            basis.push(column);
-        }
-    }
-    basis
-}
-
 /// A column without what lies along a basis.
 fn beside(basis: &[Vec<f64>], mut column: Vec<f64>) -> Vec<f64> {
-    for direction in basis {
-        let along = dot(direction, &column);
-        column.iter_mut().zip(direction).for_each(|(x, d)| *x -= along * d);
-    }
+    basis.iter().for_each(|direction| clear(&mut column, direction));
     column
 }
 

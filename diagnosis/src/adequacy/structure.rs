@@ -15,7 +15,7 @@ use wheelwright_core::Stretch;
 
 use super::Jitter;
 use crate::comparison::{Channels, Comparison};
-use crate::fit::algebra::{clear, dot};
+use crate::fit::algebra::{clear, dot, orthonormal};
 use crate::noise::{draw_in, whitener};
 
 /// z above which something is left. The law of T is exact for known noise; with an autoregression estimated from what the
@@ -99,7 +99,7 @@ fn output_energy(
         matrix.row_iter_mut().zip(weights).for_each(|(mut row, w)| row *= w);
     }
     rewhiten(&mut matrix, &ranges);
-    let basis = orthonormal(&matrix);
+    let basis = spanning(&matrix);
     let innovations = &matrix.as_slice()[rows * (known + count)..];
     let mut own = basis.iter().skip(known);
     let names = groups.first().map(|g| g.iter().map(|(name, f)| (*name, f.len())).collect::<Vec<_>>()).unwrap_or_default();
@@ -117,7 +117,7 @@ fn output_energy(
 
 /// Whitens all columns by the past of what the last one has beyond the others; rows in stretches.
 fn rewhiten(matrix: &mut DMatrix<f64>, stretches: &[Range<usize>]) {
-    let basis = orthonormal(matrix);
+    let basis = spanning(matrix);
     let mut rest = matrix.column(matrix.ncols() - 1).as_slice().to_vec();
     basis.iter().flatten().for_each(|known| clear(&mut rest, known));
     let cut = |column: &[f64]| stretches.iter().map(|rows| column[rows.clone()].to_vec()).collect::<Vec<_>>();
@@ -127,19 +127,9 @@ fn rewhiten(matrix: &mut DMatrix<f64>, stretches: &[Range<usize>]) {
     }
 }
 
-/// Orthonormal columns that span those of a matrix but the last, by Gram and Schmidt; none for one that says nothing of its own.
-fn orthonormal(matrix: &DMatrix<f64>) -> Vec<Option<Vec<f64>>> {
-    let mut basis: Vec<Option<Vec<f64>>> = Vec::with_capacity(matrix.ncols());
-    for column in matrix.columns(0, matrix.ncols() - 1).column_iter() {
-        let mut own = column.as_slice().to_vec();
-        basis.iter().flatten().for_each(|before| clear(&mut own, before));
-        let rest = dot(&own, &own).sqrt();
-        basis.push((rest > SPENT * column.norm()).then(|| {
-            own.iter_mut().for_each(|x| *x /= rest);
-            own
-        }));
-    }
-    basis
+/// Orthonormal columns that span those of a matrix but the last; none for one that says nothing of its own.
+fn spanning(matrix: &DMatrix<f64>) -> Vec<Option<Vec<f64>>> {
+    orthonormal(matrix.columns(0, matrix.ncols() - 1).column_iter().map(|column| column.as_slice().to_vec()), SPENT, 1)
 }
 
 /// A force's response: y' = −rate y + force, with the force held between samples.

@@ -19,13 +19,10 @@ const ALWAYS: &str = "always";
 /// How far the 95 % intervals of effects' parameters go to either side, where the data tell.
 fn intervals(search: &Search<'_>, selected: &Selected) -> Vec<Option<[f64; 2]>> {
     let Selected { state, whitening, .. } = selected;
-    let directions = Directions::of(&state.fit.information(&search.setting));
-    let (covariance, told) = (directions.inverse(), directions.visibility());
-    let effects = search.setting.free()..told.len();
-    let by_derivatives = || effects.clone().map(|j| [covariance[(j, j)].max(0.0).sqrt(); 2]).collect();
-    let deviations = search.known_of(state, &whitening.noise).map_or_else(by_derivatives, |known| known.deviations);
-    let interval = |(j, sides): (usize, [f64; 2])| (told[j] > TOLD).then(|| sides.map(|deviation| TWO_SIDED_95 * deviation));
-    effects.clone().zip(deviations).map(interval).collect()
+    let told = Directions::of(&state.fit.information(&search.setting)).visibility();
+    let known = search.known_of(state, &whitening.noise);
+    let interval = |(told, sides): (&f64, [f64; 2])| (*told > TOLD).then(|| sides.map(|deviation| TWO_SIDED_95 * deviation));
+    told[search.setting.free()..].iter().zip(known.deviations).map(interval).collect()
 }
 
 /// Findings, and the explanations that could take that of the whole's place.

@@ -32,6 +32,24 @@ pub(crate) fn clear(values: &mut [f64], column: &[f64]) {
     add(values, -along, column);
 }
 
+/// Orthonormal columns that span some columns, by Gram and Schmidt, each cleared of those before it in so many passes: a second one, and rounding does
+/// not count. None for a column of which no more than a share is its own.
+pub(crate) fn orthonormal(columns: impl Iterator<Item = Vec<f64>>, share: f64, passes: usize) -> Vec<Option<Vec<f64>>> {
+    let mut basis: Vec<Option<Vec<f64>>> = Vec::new();
+    for mut column in columns {
+        let whole = dot(&column, &column).sqrt();
+        for _ in 0..passes {
+            basis.iter().flatten().for_each(|before| clear(&mut column, before));
+        }
+        let own = dot(&column, &column).sqrt();
+        basis.push((own > share * whole).then(|| {
+            column.iter_mut().for_each(|x| *x /= own);
+            column
+        }));
+    }
+    basis
+}
+
 /// Sums of products of all pairs of columns, outputs weighted.
 pub(crate) fn gram(columns: &[&[f64]], parts: &[Range<usize>], weights: &[f64]) -> DMatrix<f64> {
     let n = columns.len();

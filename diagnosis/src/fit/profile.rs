@@ -31,24 +31,31 @@ pub(crate) struct Known {
 }
 
 impl Known {
-    pub(crate) fn of(setting: &Setting<'_>, runner: &mut Runner<'_, '_>, whitening: &Whitening, fit: &Fit) -> Self {
+    /// As derivatives tell it.
+    pub(crate) fn by_derivatives(setting: &Setting<'_>, fit: &Fit) -> Self {
+        let information = fit.information(setting);
+        let covariance = Directions::of(&information).inverse();
+        let deviations = (setting.free()..fit.point.x.len()).map(|j| [covariance[(j, j)].max(0.0).sqrt(); 2]).collect();
+        Self { information, deviations }
+    }
+
+    /// As the likelihood tells it; `None` where the fit cannot be simulated again.
+    pub(crate) fn of(setting: &Setting<'_>, runner: &mut Runner<'_, '_>, whitening: &Whitening, fit: &Fit) -> Option<Self> {
+        let best = evaluate(setting, runner, whitening, &fit.point)?;
         let mut information = fit.information(setting);
-        let best = evaluate(setting, runner, whitening, &fit.point);
         let mut deviations = Vec::with_capacity(fit.point.x.len() - setting.free());
         for j in setting.free()..fit.point.x.len() {
-            let variance = Directions::of(&information).inverse()[(j, j)].max(0.0);
-            let wider = match &best {
-                Some(best) if variance > 0.0 => {
-                    [-1.0, 1.0].map(|side| width(setting, runner, whitening, best, j, side * INTERVAL * variance.sqrt()))
-                }
-                _ => [1.0; 2],
-            };
-            deviations.push(wider.map(|wider| wider * variance.sqrt()));
-            if variance > 0.0 {
-                information[(j, j)] -= (1.0 - wider[0].max(wider[1]).powi(-2)) / variance;
+            let variance = Directions::of(&information).inverse()[(j, j)];
+            if variance <= 0.0 {
+                deviations.push([0.0; 2]);
+                continue;
             }
+            let deviation = variance.sqrt();
+            let wider = [-1.0, 1.0].map(|side| width(setting, runner, whitening, &best, j, side * INTERVAL * deviation));
+            deviations.push(wider.map(|wider| wider * deviation));
+            information[(j, j)] -= (1.0 - wider[0].max(wider[1]).powi(-2)) / variance;
         }
-        Self { information, deviations }
+        Some(Self { information, deviations })
     }
 }
 

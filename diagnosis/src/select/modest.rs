@@ -120,7 +120,7 @@ mod tests {
         }
 
         fn command(&self, p: &[f64], _: &Instant<'_>, _: &[f64], _: &mut [f64], u: &mut [f64]) {
-            // No sign has no loss.
+            // Without a command nothing is lost.
             u[0] -= (1e3 * u[0]).clamp(-1.0, 1.0) * p[0].min(ENOUGH) + 5e-5 * (50.0 * p[0]).sin();
         }
     }
@@ -158,7 +158,7 @@ mod tests {
     #[test]
     fn what_more_of_changes_nothing_is_not_known_by_its_derivative() {
         with_too_much(|search, selected| {
-            let known = search.known_of(&selected.state, &selected.whitening.noise).unwrap();
+            let known = search.known_of(&selected.state, &selected.whitening.noise);
             let variance =
                 |information: &DMatrix<f64>| Directions::of(information).inverse()[(search.setting.free(), search.setting.free())];
             let by_derivatives = variance(&selected.state.fit.information(&search.setting));

@@ -36,14 +36,16 @@ impl<'a> Search<'a> {
         Some((whitening, fit))
     }
 
-    /// What the data know of the parameters of a model with effects that was fitted under a noise, if there is time to find it out.
-    pub(crate) fn known_of(&self, state: &State, noise: &Noise) -> Option<Known> {
-        if state.effects.is_empty() || self.setting.exhausted() {
-            return None;
-        }
-        let mut runner = self.runner(&state.effects, &state.fit.point)?;
-        let whitening = Whitening::new(noise.clone(), &self.setting.layout, &mut runner, &state.fit.point, &state.fit.simulated);
-        Some(Known::of(&self.setting, &mut runner, &whitening, &state.fit))
+    /// What the data know of the parameters of a model that was fitted under a noise: by the likelihood if there are effects, and time to find it out.
+    pub(crate) fn known_of(&self, state: &State, noise: &Noise) -> Known {
+        let State { effects, fit } = state;
+        let worthwhile = !effects.is_empty() && !self.setting.exhausted();
+        let runner = if worthwhile { self.runner(effects, &fit.point) } else { None };
+        let by_likelihood = runner.and_then(|mut runner| {
+            let whitening = Whitening::new(noise.clone(), &self.setting.layout, &mut runner, &fit.point, &fit.simulated);
+            Known::of(&self.setting, &mut runner, &whitening, fit)
+        });
+        by_likelihood.unwrap_or_else(|| Known::by_derivatives(&self.setting, fit))
     }
 
     /// The fit from a point under a noise that is whitened as it was; its columns are exact if `exact`.
