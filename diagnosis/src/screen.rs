@@ -7,13 +7,14 @@
 use std::cell::RefCell;
 use std::sync::Arc;
 
-use nalgebra::{DMatrix, DVector};
+use nalgebra::DVector;
 use wheelwright_core::effect::{Effect, EffectParameter, Start};
 use wheelwright_core::least_squares::{Limits, constrained_step};
 
 use crate::fit::algebra::{Directions, add, clear, dot, factor, gram};
 use crate::fit::search::{Fit, likelihood, parts};
 use crate::fit::setting::{Point, Runner, Setting};
+use crate::fit::span::Span;
 use crate::fit::whitening::Whitening;
 
 /// A column that keeps less than this share of its length beside the model's own columns is theirs.
@@ -21,9 +22,6 @@ const OWN: f64 = 1e-6;
 
 /// Shares of a step to a start of which the largest is made that can be looked at.
 const SHARES: [f64; 8] = [1.0, 0.97, 0.94, 0.88, 0.75, 0.5, 0.25, 0.12];
-
-/// Rows of which products of columns are summed at once.
-const PIECE: usize = 256;
 
 /// A column that several starts share.
 type Shared = Arc<Vec<f64>>;
@@ -363,83 +361,39 @@ fn one_sided(response: &Response, column: usize) -> bool {
 }
 
 /// What is left of the residual when everything that any response or parameter can do is taken out of it: the saturated residual, flat,
-/// in the whitening's units, and the degrees of freedom taken.
+/// in the whitening's units, and the degrees of freedom taken, at most one of fifteen.
 pub(crate) fn saturate(setting: &Setting<'_>, whitening: &Whitening, fit: &Fit, responses: &[Response]) -> (Vec<f64>, usize) {
     let weights = fit.weights(setting);
-    let rows = setting.layout.len();
-    let mut all: Vec<Vec<f64>> = fit.columns.clone();
-    let mut seen: Vec<*const Vec<f64>> = Vec::new();
-    for raw in responses.iter().flat_map(|r| &r.columns) {
-        if seen.contains(&Arc::as_ptr(raw)) {
-            continue;
+    let weigh = |values: &mut [f64], power: f64| {
+        for (c, w) in weights.iter().enumerate() {
+            let factor = w.powf(power);
+            values[setting.layout.output(c)].iter_mut().for_each(|x| *x *= factor);
         }
-        seen.push(Arc::as_ptr(raw));
+    };
+    let unit = |mut column: Vec<f64>| {
+        weigh(&mut column, 0.5);
+        let size = dot(&column, &column).sqrt();
+        column.iter_mut().for_each(|x| *x /= size);
+        (size.is_finite() && size > 0.0).then_some(column)
+    };
+    let whitened = |raw: &Shared| {
         let mut column = raw.to_vec();
         whitening.apply(&mut column);
-        all.push(column);
-    }
-    for column in &mut all {
-        for (c, w) in weights.iter().enumerate() {
-            column[setting.layout.output(c)].iter_mut().for_each(|x| *x *= w.sqrt());
+        unit(column)
+    };
+    let mut raw: Vec<&Shared> = Vec::new();
+    for column in responses.iter().flat_map(|r| &r.columns) {
+        if !raw.iter().any(|r| Arc::ptr_eq(r, column)) {
+            raw.push(column);
         }
     }
-    all.retain(|c| c.iter().all(|x| x.is_finite()) && dot(c, c) > 0.0);
-    for column in &mut all {
-        let size = dot(column, column).sqrt();
-        column.iter_mut().for_each(|x| *x /= size);
-    }
+    let columns = fit.columns.iter().cloned().filter_map(unit).chain(raw.into_iter().filter_map(whitened)).collect();
+    let span = Span::of(columns, (setting.layout.counted() / 15).max(1));
     let mut residual = fit.residual.clone();
-    for (c, w) in weights.iter().enumerate() {
-        residual[setting.layout.output(c)].iter_mut().for_each(|x| *x *= w.sqrt());
-    }
-    let most = (setting.layout.counted() / 15).max(1);
-    let taken = if all.is_empty() { 0 } else { take(&mut residual, &all, rows, most) };
-    for (c, w) in weights.iter().enumerate() {
-        residual[setting.layout.output(c)].iter_mut().for_each(|x| *x /= w.sqrt());
-    }
-    (residual, taken)
-}
-
-/// Takes the span of unit columns out of a residual, by a Cholesky factor with pivots; at most `most` directions.
-fn take(residual: &mut [f64], columns: &[Vec<f64>], rows: usize, most: usize) -> usize {
-    let k = columns.len();
-    let mut left = DMatrix::zeros(k, k);
-    // Piece by piece, each of which stays near the processor.
-    for start in (0..rows).step_by(PIECE) {
-        let piece = DMatrix::from_fn(PIECE.min(rows - start), k, |i, j| columns[j][start + i]);
-        left.gemm(1.0, &piece.transpose(), &piece, 1.0);
-    }
-    let mut right: DVector<f64> = DVector::from_fn(k, |j, _| dot(&columns[j], residual));
-    let mut order: Vec<usize> = Vec::new();
-    // Rows of the factor as they are made: L with the pivots' order.
-    let mut factor: Vec<DVector<f64>> = Vec::new();
-    let mut reduced: Vec<f64> = Vec::new();
-    while order.len() < most.min(k) {
-        let open = (0..k).filter(|j| !order.contains(j));
-        let Some(pivot) = open.max_by(|a, b| left[(*a, *a)].total_cmp(&left[(*b, *b)])) else { break };
-        if left[(pivot, pivot)] < 1e-4 {
-            break;
-        }
-        let root = left[(pivot, pivot)].sqrt();
-        let column: DVector<f64> = left.column(pivot) / root;
-        let share = right[pivot] / root;
-        right.axpy(-share, &column, 1.0);
-        left.ger(-1.0, &column, &column, 1.0);
-        order.push(pivot);
-        factor.push(column);
-        reduced.push(share);
-    }
-    // Coefficients of the pivot columns by back substitution.
-    let n = order.len();
-    let mut coefficients = vec![0.0; n];
-    for i in (0..n).rev() {
-        let known: f64 = (i + 1..n).map(|j| factor[i][order[j]] * coefficients[j]).sum();
-        coefficients[i] = (reduced[i] - known) / factor[i][order[i]];
-    }
-    for (j, a) in order.iter().zip(&coefficients) {
-        add(residual, -a, &columns[*j]);
-    }
-    n
+    weigh(&mut residual, 0.5);
+    span.take_out_of(&mut residual);
+    weigh(&mut residual, -0.5);
+    (residual, span.size())
 }
 
 #[cfg(test)]

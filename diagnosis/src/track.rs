@@ -26,6 +26,9 @@ const DRY: &str = "friction";
 const CONSIDERED: usize = 12;
 /// Names that are fitted at other widths.
 const FITTED: usize = 3;
+/// Share of the evidence for the best so far below which an effect is left behind where it promises most: of 42 effects of a proving ground none gained
+/// more than 7 % between the neighbours of that width.
+const NEAR: f64 = 0.8;
 /// Fits between the neighbours of the best: in the end they differ by 4 %.
 const SECTIONS: usize = 7;
 /// The golden section.
@@ -75,6 +78,9 @@ pub(crate) fn likeliest(question: &Question<'_>, start: &Surroundings<'_>, headi
         ordinary = fitted(effect, ORDINARY).map_or(f64::NEG_INFINITY, |best| best.score).max(ordinary);
         // From one width to the next no look anew at all starts is needed.
         let Some(mut known) = fitted(effect, width) else { continue };
+        if known.score < NEAR * best.1.max(ordinary) {
+            continue;
+        }
         let evidence = |log: f64| {
             let Some(next) = nearby(effect, log.exp(), &known.fit) else { return f64::NEG_INFINITY };
             let score = next.score;

@@ -6,6 +6,7 @@ pub(crate) mod layout;
 pub(crate) mod profile;
 pub(crate) mod search;
 pub(crate) mod setting;
+pub(crate) mod span;
 pub(crate) mod whitening;
 
 use nalgebra::DMatrix;

@@ -145,18 +145,21 @@ impl StepWeights {
         let n = diagonal.len();
         for (i, rate) in diagonal.iter().enumerate() {
             let z = h * rate;
-            let (first, second) = phi(z);
-            let all = [(0.5 * z).exp(), 0.5 * h * phi(0.5 * z).0, z.exp(), h * (first - 2.0 * second), 2.0 * h * second];
+            // eᶻ − 1 = (e^{z/2} − 1)(e^{z/2} + 1), and no digit is lost.
+            let half = (0.5 * z).exp_m1();
+            let whole = half * (half + 2.0);
+            let (first, second) = phi(z, whole);
+            let all = [half + 1.0, 0.5 * h * phi(0.5 * z, half).0, whole + 1.0, h * (first - 2.0 * second), 2.0 * h * second];
             all.into_iter().enumerate().for_each(|(k, value)| self.values[k * n + i] = value);
         }
     }
 }
 
-/// φ1 and φ2 of a number; near zero by their series, where the quotients lose digits.
-fn phi(z: f64) -> (f64, f64) {
+/// φ1 and φ2 of a number of which eᶻ − 1 is known; near zero by their series, where the quotients lose digits.
+fn phi(z: f64, growth: f64) -> (f64, f64) {
     if z.abs() < 1e-3 {
         return (1.0 + z * (1.0 / 2.0 + z * (1.0 / 6.0 + z / 24.0)), 1.0 / 2.0 + z * (1.0 / 6.0 + z * (1.0 / 24.0 + z / 120.0)));
     }
-    let first = z.exp_m1() / z;
+    let first = growth / z;
     (first, (first - 1.0) / z)
 }

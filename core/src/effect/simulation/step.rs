@@ -257,10 +257,14 @@ impl EffectSimulator<'_> {
         // A force that holds the outputs more firmly than a step is long would be overshot, to and fro over the kink of a friction, by no more than
         // that is wide. With z its slope times the step, x' = x + h N/(1 + z) as the implicit rule has it, which never does.
         // Where commands or numbers of effects change within a step, what changes is not the outputs' doing alone.
-        let firm = if ahead || slots.looped || slots.advancing { 0.0 } else { h * held / moved };
-        // What changes more is looked at more closely instead, by a rule of second order.
-        let seen = (4.0 * h * bend / BEND - 3.0).clamp(0.0, 1.0);
-        let share = if firm > 1.0 { seen + (1.0 - seen) * 2.0 / (1.0 + firm) } else { 1.0 };
+        let firm = if ahead || slots.looped || slots.advancing { 0.0 } else { h * held };
+        let share = if firm > moved {
+            // What changes more is looked at more closely instead, by a rule of second order.
+            let seen = (4.0 * h * bend / BEND - 3.0).clamp(0.0, 1.0);
+            seen + (1.0 - seen) * 2.0 / (1.0 + firm / moved)
+        } else {
+            1.0
+        };
         if share < 1.0 {
             nm.iter_mut().zip(n0.iter()).for_each(|(nm, n0)| *nm = n0 + share * (*nm - n0));
         }
@@ -318,7 +322,7 @@ impl RightSide<'_, '_> {
         let Work { net, load, drive, given, held } = work;
         let m = if N == 0 { u.len() } else { N };
         let (net, load) = (&mut net[..m], &mut load[..m]);
-        net.copy_from_slice(u);
+        net.copy_from_slice(&u[..m]);
         if self.slots.bears() {
             self.slots.bear(at, x, state, load);
             net.iter_mut().zip(load.iter()).for_each(|(n, l)| *n -= l);
