@@ -69,7 +69,7 @@ pub fn diagnose(question: &Question<'_>) -> Result<Diagnosis, DiagnosisError> {
     }
     let scene = |wheels: Wheels| Scene::new(&data, question.model, wheels.track_width, wheels.radius, headings.as_deref());
     let ordinary = Wheels { radius: question.wheel_radius, track_width: question.track_width.unwrap_or(track::ORDINARY) };
-    let (first, fitting, courses) = (scene(ordinary), [const { OnceCell::new() }; 3], [const { OnceCell::new() }; 7]);
+    let (first, fitting, courses) = (scene(ordinary), [const { OnceCell::new() }; 4], [const { OnceCell::new() }; 7]);
     let begin = |scene, course| surroundings(setting(question, &data, scene, Readout::Instantaneous), question, course);
     let mut start = begin(&first, &courses[0])?;
     let mut shown = wheels_shown(question, &start, headings.as_deref());
@@ -89,7 +89,11 @@ pub fn diagnose(question: &Question<'_>) -> Result<Diagnosis, DiagnosisError> {
     }
     let mut story = other_readout(story, question, &data, about, radii.as_ref(), [&courses[5], &courses[6]])?;
     story.selected = story.search.unjittered(story.selected, &story.responses);
-    let asked = gauge::asked_for(question, &mut story, headings.as_deref(), &fitting[2]);
+    if let Some(wheels) = &mut shown {
+        let likelier = gauge::likelier(question, &mut story, headings.as_deref(), &fitting[2]);
+        wheels.track_width = likelier.unwrap_or(wheels.track_width);
+    }
+    let asked = gauge::asked_for(question, &mut story, headings.as_deref(), &fitting[3]);
     warnings.extend(unknown_wheels(question, shown, asked));
     story.selected = story.search.modest(story.selected);
     story.selected = judged(question, &story.search, story.selected, &story.responses);
@@ -282,7 +286,7 @@ pub(crate) struct Surroundings<'a> {
 impl Surroundings<'_> {
     /// The base model without effects.
     pub(crate) fn plain(&self) -> State {
-        State { effects: Vec::new(), fit: self.base.clone() }
+        State::plain(self.base.clone())
     }
 }
 
@@ -300,7 +304,7 @@ pub(crate) fn surroundings<'a>(
     let first = rough.likelihood(&setting);
     let open: Vec<usize> = (0..question.library.len()).filter(|i| tried(&*question.library[*i], setting.scene)).collect();
     let search = Search { setting, library: question.library, open, known: None };
-    let rough = State { effects: Vec::new(), fit: rough };
+    let rough = State::plain(rough);
     let responses = search.respond(&rough);
     let (whitening, base) = whitened(&search.setting, &rough.fit, &responses)?;
     Ok(Surroundings { search, rough, first, responses, whitening, base })
@@ -316,7 +320,7 @@ fn selected<'a>(start: Surroundings<'a>, known: Option<&'a Known>, closer: &'a O
     let Surroundings { search, first, responses, whitening, base, .. } = start;
     let search = Search { known, ..search };
     let known = with_known(&search, &base, &whitening);
-    let selected = search.run(State { effects: Vec::new(), fit: base }, known, whitening, &responses)?;
+    let selected = search.run(State::plain(base), known, whitening, &responses)?;
     Ok(in_line(come_round(Story { search, selected, responses, first, means: None }, closer)))
 }
 

@@ -1,4 +1,8 @@
-//! The track width that held-out driving asks for, where no profile tells it and the training data leave it open.
+//! The track width once something has been found, where no profile tells it: the likeliest near the one that it was found at, and the one that held-out
+//! driving asks for where the training data leave it open.
+//!
+//! What goes round with the wheels knows the track better than any grid: over a hundred radians of turning a track that is 1 % off turns a wheel by
+//! some radians too much or too little.
 //!
 //! A limit that the training data hardly reach, or a friction that no turn has shown, fits at many widths, each with another size of its own, and
 //! fails on other driving at all but one. So where an explanation misses held-out data decisively it is fitted again at the widths of a grid, and
@@ -10,12 +14,37 @@ use std::f64::consts::SQRT_2;
 use wheelwright_core::effect::{Frame, Scene};
 
 use crate::answer::Story;
+use crate::fit::search::Fit;
 use crate::fit::setting::Setting;
 use crate::judge::Bench;
 use crate::question::Question;
 use crate::screen::Response;
-use crate::select::{COMPARING, FINAL, Search, Selected, State};
+use crate::select::{COMPARING, EXCHANGE, FINAL, Search, Selected, State};
 use crate::track::{HALF_OCTAVES, highest};
+
+/// Logarithm of a width by which one that was found by what acts at the wheels may be off: the last sections of `track.rs` differ by so much.
+const OFF: f64 = 0.04;
+
+/// Has the story told at the likeliest width near the one that it is told at, and returns that, if there is a likelier one; `kept` keeps its scene.
+pub(crate) fn likelier<'a>(
+    question: &Question<'a>,
+    story: &mut Story<'a>,
+    headings: Option<&[Vec<f64>]>,
+    kept: &'a OnceCell<Scene>,
+) -> Option<f64> {
+    let Story { search, selected, responses, .. } = story;
+    let elsewhere = Elsewhere::open(question, search, selected, headings)?;
+    let now = elsewhere.now();
+    let likelihood =
+        |log: f64| elsewhere.fitted(&elsewhere.scene(log.exp())).map_or(f64::NEG_INFINITY, |fit| fit.likelihood(&search.setting));
+    let (log, most) = highest(likelihood, now - OFF, now + OFF);
+    if most <= selected.state.fit.likelihood(&search.setting) + EXCHANGE {
+        return None;
+    }
+    let scene = kept.get_or_init(|| elsewhere.scene(log.exp()));
+    (*search, *selected) = elsewhere.told(scene, responses)?;
+    Some(log.exp())
+}
 
 /// Has the story told at the width that the held-out data decisively ask for, and returns that, if there is such; `kept` keeps its scene.
 pub(crate) fn asked_for<'a>(
@@ -25,14 +54,10 @@ pub(crate) fn asked_for<'a>(
     kept: &'a OnceCell<Scene>,
 ) -> Option<f64> {
     let Story { search, selected, responses, .. } = story;
-    let Frame::Body { .. } = search.setting.scene.frame else { return None };
-    if question.track_width.is_some() || selected.state.effects.len() == search.fixed(selected) || search.setting.exhausted() {
-        return None;
-    }
+    let elsewhere = Elsewhere::open(question, search, selected, headings)?;
     let bench = Bench::new(question, search, selected).filter(|bench| bench.missed(search, selected).is_some())?;
-    let elsewhere = Elsewhere { question, search, selected, headings };
     let loss = |log: f64| elsewhere.loss(&bench, log.exp()).unwrap_or(f64::INFINITY);
-    let now = (2.0 * search.setting.scene.frame.half_track()).ln();
+    let now = elsewhere.now();
     let step = SQRT_2.ln();
     let near = HALF_OCTAVES.iter().map(|k| now + f64::from(*k) * step).map(|log| (loss(log), log)).min_by(|a, b| a.0.total_cmp(&b.0))?;
     let (log, most) = highest(|log| -loss(log), near.1 - step, near.1 + step);
@@ -46,22 +71,34 @@ pub(crate) fn asked_for<'a>(
 
 /// A selection at other widths.
 struct Elsewhere<'s, 'a> {
-    question: &'s Question<'a>,
     search: &'s Search<'a>,
     selected: &'s Selected,
     headings: Option<&'s [Vec<f64>]>,
 }
 
-impl<'a> Elsewhere<'_, 'a> {
-    fn scene(&self, width: f64) -> Scene {
-        let Setting { data, layout, .. } = &self.search.setting;
-        let plain = Scene::new(data, self.question.model, width, self.question.wheel_radius, self.headings);
-        plain.followed(data, &layout.series(&self.selected.base.simulated))
+impl<'s, 'a> Elsewhere<'s, 'a> {
+    /// Where the track is open, and something was found that it may matter to.
+    fn open(question: &Question<'_>, search: &'s Search<'a>, selected: &'s Selected, headings: Option<&'s [Vec<f64>]>) -> Option<Self> {
+        let Frame::Body { .. } = search.setting.scene.frame else { return None };
+        let found = selected.state.effects.len() > search.fixed(selected);
+        let open = question.track_width.is_none() && found && !search.setting.exhausted();
+        open.then_some(Self { search, selected, headings })
     }
 
-    fn search<'s>(&self, scene: &'s Scene) -> Search<'s>
+    /// Logarithm of the width it is told at.
+    fn now(&self) -> f64 {
+        (2.0 * self.search.setting.scene.frame.half_track()).ln()
+    }
+
+    fn scene(&self, width: f64) -> Scene {
+        let Setting { model, data, layout, scene, .. } = &self.search.setting;
+        let plain = Scene::new(data, *model, width, scene.wheel_radius, self.headings);
+        plain.followed(data, &layout.series(&self.selected.state.fit.simulated))
+    }
+
+    fn search<'c>(&self, scene: &'c Scene) -> Search<'c>
     where
-        'a: 's,
+        'a: 'c,
     {
         let Search { setting, library, open, known } = self.search;
         Search { setting: Setting { scene, ..setting.clone() }, library, open: open.clone(), known: *known }
@@ -72,18 +109,23 @@ impl<'a> Elsewhere<'_, 'a> {
         let scene = self.scene(width);
         let search = self.search(&scene);
         let State { effects, fit: now } = &self.selected.state;
-        let fit = search.fitted_from(effects, &now.point, &self.selected.whitening, COMPARING, false)?;
+        let fit = self.fitted(&scene)?;
         let cost = now.likelihood(&search.setting) - fit.likelihood(&search.setting);
         let state = State { effects: effects.clone(), fit };
         Some(bench.with_cost(bench.loss(&search, &state), cost.max(0.0)))
     }
 
+    /// The fit of the selection in another scene.
+    fn fitted(&self, scene: &Scene) -> Option<Fit> {
+        let Selected { state, whitening, .. } = self.selected;
+        self.search(scene).fitted_from(&state.effects, &state.fit.point, whitening, COMPARING, false)
+    }
+
     /// The selection in another scene, fitted to the end, its members contested there.
     fn told(&self, scene: &'a Scene, first: &[Response]) -> Option<(Search<'a>, Selected)> {
         let search = self.search(scene);
-        let Selected { state: State { effects, fit: now }, whitening, base, rivals, ranking } = self.selected;
-        let fit = search.fitted_from(effects, &now.point, whitening, COMPARING, false)?;
-        let (whitening, fit) = search.under(effects, &fit, &whitening.noise, FINAL)?;
+        let Selected { state: State { effects, .. }, whitening, base, rivals, ranking } = self.selected;
+        let (whitening, fit) = search.under(effects, &self.fitted(scene)?, &whitening.noise, FINAL)?;
         let state = State { effects: effects.clone(), fit };
         let mut selected = Selected { state, whitening, base: base.clone(), rivals: rivals.clone(), ranking: ranking.clone() };
         search.exchange(&mut selected, first, None);

@@ -7,7 +7,7 @@ use wheelwright_core::{Dataset, Stretch};
 
 use crate::adequacy::{Jitter, slope};
 use crate::decide::LEFT_OVER;
-use crate::noise::Noise;
+use crate::noise::{HUBER, Noise};
 use crate::residuals::Series;
 
 /// A model as it is simulated on other data.
@@ -138,8 +138,6 @@ const UNHURT: f64 = 1.02;
 const VISIBLE: f64 = 10.0;
 /// Standard errors that make sure.
 const SURE: f64 = 3.0;
-/// Errors beyond this many standard deviations count by their size, not by its square: a few values far out are not motion.
-pub(crate) const HUBER: f64 = 2.0;
 
 /// Mean loss of a free run's errors over an output, in units of what a right model's scatter by: the noise, which stamps that jitter make louder
 /// where an output changes, and other driving changes more.

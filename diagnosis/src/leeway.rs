@@ -17,8 +17,7 @@ use crate::fit::algebra::{factor, gram};
 use crate::fit::layout::Layout;
 use crate::fit::search::parts;
 use crate::fit::setting::{Runner, Setting};
-use crate::holdout::HUBER;
-use crate::noise::Noise;
+use crate::noise::{HUBER, Noise};
 use crate::residuals::Series;
 use crate::select::{Search, State};
 
@@ -165,7 +164,7 @@ mod tests {
         let [scene, other] = [training, held].map(|data| Scene::new(data, &*model, TRACK, None, None));
         let course = OnceCell::new();
         let start = surroundings(setting(&question, training, &scene, Readout::Instantaneous), &question, &course).unwrap();
-        let state = State { effects: Vec::new(), fit: start.base };
+        let state = State::plain(start.base);
         let noise = Noise::white(&NOISE, &Layout::of(held, &other));
         let there = Setting { data: held, scene: &other, layout: Layout::of(held, &other), ..start.search.setting.clone() };
         let mut given = vec![0.0; there.layout.len()];

@@ -9,8 +9,9 @@ use crate::fit::layout::Layout;
 
 /// Longest autoregression tried.
 const LONGEST: usize = 8;
-/// Innovations beyond this many robust standard deviations weigh less. 2 keeps 99 % of the efficiency at the normal distribution.
-const HUBER: f64 = 2.0;
+/// Robust standard deviations beyond which errors and innovations count by their size and not by its square: a few values far out are not motion. 2 keeps
+/// 99 % of the efficiency at the normal distribution.
+pub(crate) const HUBER: f64 = 2.0;
 /// Robust standard deviations beyond which a value tells nothing of how noise goes on: a normal distribution goes there once in two million times. A
 /// robot that is stopped for a moment would otherwise make slow noise of all that is left.
 const ASTRAY: f64 = 5.0;

@@ -49,7 +49,7 @@ impl Proven {
     pub(super) fn new(question: &Question<'_>, story: &Story<'_>, rests: &[Option<State>]) -> Self {
         let Story { search, selected, .. } = story;
         let setting = &search.setting;
-        let base = explanation(search, &State { effects: Vec::new(), fit: story.compared().clone() });
+        let base = explanation(search, &State::plain(story.compared().clone()));
         let on = |data: &Dataset, scene: &Scene, state: &State| proven(search, state, data, scene);
         let compared =
             |data: &Dataset, scene: &Scene| Ground { model: setting.model, data, scene, readout: story.compared_readout() }.prove(&base);

@@ -53,6 +53,11 @@ pub(crate) struct State {
 }
 
 impl State {
+    /// The base model alone.
+    pub(crate) const fn plain(base: Fit) -> Self {
+        Self { effects: Vec::new(), fit: base }
+    }
+
     /// Its effects and one more, which stands last.
     pub(crate) fn and(&self, effect: usize) -> Vec<usize> {
         self.effects.iter().copied().chain([effect]).collect()
@@ -96,7 +101,7 @@ pub(crate) struct Selected {
 impl Selected {
     /// The base model alone.
     pub(crate) fn plain(&self) -> State {
-        State { effects: Vec::new(), fit: self.base.clone() }
+        State::plain(self.base.clone())
     }
 
     /// Log-likelihood that a fit under the same noise gains on the base model alone.
