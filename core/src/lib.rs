@@ -19,6 +19,7 @@ pub mod dataset;
 pub mod drive;
 pub mod effect;
 pub mod excitation;
+pub mod gram;
 pub mod identifiability;
 pub mod identification;
 pub mod integral_action;

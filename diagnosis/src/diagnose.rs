@@ -90,10 +90,10 @@ pub fn diagnose(question: &Question<'_>) -> Result<Diagnosis, DiagnosisError> {
     let mut story = other_readout(story, question, &data, about, radii.as_ref(), [&courses[5], &courses[6]])?;
     story.selected = story.search.unjittered(story.selected, &story.responses);
     if let Some(wheels) = &mut shown {
-        let likelier = gauge::likelier(question, &mut story, headings.as_deref(), &fitting[2]);
+        let likelier = gauge::retold(question, &mut story, headings.as_deref(), &fitting[2], |elsewhere| elsewhere.likelier());
         wheels.track_width = likelier.unwrap_or(wheels.track_width);
     }
-    let asked = gauge::asked_for(question, &mut story, headings.as_deref(), &fitting[3]);
+    let asked = gauge::retold(question, &mut story, headings.as_deref(), &fitting[3], |elsewhere| elsewhere.asked_for());
     warnings.extend(unknown_wheels(question, shown, asked));
     story.selected = story.search.modest(story.selected);
     story.selected = judged(question, &story.search, story.selected, &story.responses);

@@ -25,52 +25,25 @@ use crate::track::{HALF_OCTAVES, highest};
 /// Logarithm of a width by which one that was found by what acts at the wheels may be off: the last sections of `track.rs` differ by so much.
 const OFF: f64 = 0.04;
 
-/// Has the story told at the likeliest width near the one that it is told at, and returns that, if there is a likelier one; `kept` keeps its scene.
-pub(crate) fn likelier<'a>(
+/// Has the story told at another width, and returns that, if one is to be had; `kept` keeps its scene.
+pub(crate) fn retold<'a>(
     question: &Question<'a>,
     story: &mut Story<'a>,
     headings: Option<&[Vec<f64>]>,
     kept: &'a OnceCell<Scene>,
+    width: impl FnOnce(&Elsewhere<'_, 'a>) -> Option<f64>,
 ) -> Option<f64> {
     let Story { search, selected, responses, .. } = story;
     let elsewhere = Elsewhere::open(question, search, selected, headings)?;
-    let now = elsewhere.now();
-    let likelihood =
-        |log: f64| elsewhere.fitted(&elsewhere.scene(log.exp())).map_or(f64::NEG_INFINITY, |fit| fit.likelihood(&search.setting));
-    let (log, most) = highest(likelihood, now - OFF, now + OFF);
-    if most <= selected.state.fit.likelihood(&search.setting) + EXCHANGE {
-        return None;
-    }
-    let scene = kept.get_or_init(|| elsewhere.scene(log.exp()));
+    let width = width(&elsewhere)?;
+    let scene = kept.get_or_init(|| elsewhere.scene(width));
     (*search, *selected) = elsewhere.told(scene, responses)?;
-    Some(log.exp())
-}
-
-/// Has the story told at the width that the held-out data decisively ask for, and returns that, if there is such; `kept` keeps its scene.
-pub(crate) fn asked_for<'a>(
-    question: &Question<'a>,
-    story: &mut Story<'a>,
-    headings: Option<&[Vec<f64>]>,
-    kept: &'a OnceCell<Scene>,
-) -> Option<f64> {
-    let Story { search, selected, responses, .. } = story;
-    let elsewhere = Elsewhere::open(question, search, selected, headings)?;
-    let bench = Bench::new(question, search, selected).filter(|bench| bench.missed(search, selected).is_some())?;
-    let loss = |log: f64| elsewhere.loss(&bench, log.exp()).unwrap_or(f64::INFINITY);
-    let now = elsewhere.now();
-    let step = SQRT_2.ln();
-    let near = HALF_OCTAVES.iter().map(|k| now + f64::from(*k) * step).map(|log| (loss(log), log)).min_by(|a, b| a.0.total_cmp(&b.0))?;
-    let (log, most) = highest(|log| -loss(log), near.1 - step, near.1 + step);
-    if !bench.decisive(-most, bench.loss(search, &selected.state)) {
-        return None;
-    }
-    let scene = kept.get_or_init(|| elsewhere.scene(log.exp()));
-    (*search, *selected) = elsewhere.told(scene, responses)?;
-    Some(log.exp())
+    Some(width)
 }
 
 /// A selection at other widths.
-struct Elsewhere<'s, 'a> {
+pub(crate) struct Elsewhere<'s, 'a> {
+    question: &'s Question<'a>,
     search: &'s Search<'a>,
     selected: &'s Selected,
     headings: Option<&'s [Vec<f64>]>,
@@ -78,11 +51,31 @@ struct Elsewhere<'s, 'a> {
 
 impl<'s, 'a> Elsewhere<'s, 'a> {
     /// Where the track is open, and something was found that it may matter to.
-    fn open(question: &Question<'_>, search: &'s Search<'a>, selected: &'s Selected, headings: Option<&'s [Vec<f64>]>) -> Option<Self> {
+    fn open(question: &'s Question<'a>, search: &'s Search<'a>, selected: &'s Selected, headings: Option<&'s [Vec<f64>]>) -> Option<Self> {
         let Frame::Body { .. } = search.setting.scene.frame else { return None };
         let found = selected.state.effects.len() > search.fixed(selected);
         let open = question.track_width.is_none() && found && !search.setting.exhausted();
-        open.then_some(Self { search, selected, headings })
+        open.then_some(Self { question, search, selected, headings })
+    }
+
+    /// The likeliest width near the one that it is told at, if there is a likelier one.
+    pub(crate) fn likelier(&self) -> Option<f64> {
+        let (setting, now) = (&self.search.setting, self.now());
+        let likelihood = |log: f64| self.fitted(&self.scene(log.exp())).map_or(f64::NEG_INFINITY, |fit| fit.likelihood(setting));
+        let (log, most) = highest(likelihood, now - OFF, now + OFF);
+        (most > self.selected.state.fit.likelihood(setting) + EXCHANGE).then(|| log.exp())
+    }
+
+    /// The width that the held-out data decisively ask for, if there is such.
+    pub(crate) fn asked_for(&self) -> Option<f64> {
+        let Self { question, search, selected, .. } = *self;
+        let bench = Bench::new(question, search, selected).filter(|bench| bench.missed(search, selected).is_some())?;
+        let loss = |log: f64| self.loss(&bench, log.exp()).unwrap_or(f64::INFINITY);
+        let (now, step) = (self.now(), SQRT_2.ln());
+        let near =
+            HALF_OCTAVES.iter().map(|k| now + f64::from(*k) * step).map(|log| (loss(log), log)).min_by(|a, b| a.0.total_cmp(&b.0))?;
+        let (log, most) = highest(|log| -loss(log), near.1 - step, near.1 + step);
+        bench.decisive(-most, bench.loss(search, &selected.state)).then(|| log.exp())
     }
 
     /// Logarithm of the width it is told at.

@@ -18,6 +18,7 @@ use nalgebra::DMatrix;
 use serde::Serialize;
 
 use crate::dataset::Dataset;
+use crate::gram::add_square;
 use crate::model::RegressorModel;
 use crate::noise::Autoregression;
 use crate::simulation::Simulator;
@@ -27,8 +28,6 @@ use selection::{Chosen, Penalty, choose};
 
 /// Fewer training samples than this carry no flexible model.
 const FEWEST: usize = 100;
-/// Columns of a block of a product.
-const BLOCK: usize = 48;
 /// More training samples than this only cost time: the noise level is then known to a hundredth.
 const MOST: usize = 6000;
 /// Percent of fit between the model and its ceiling from which on the flexible model is tried with its own simulation as reference too.
@@ -149,8 +148,9 @@ impl<'a> Part<'a> {
                 rows.column_mut(p + k).copy_from_slice(&stretch.outputs[*output]);
             }
             let senseless = change(&mut rows);
-            gram += square(&rows.rows_range(senseless.max(*skip).min(rows.nrows())..).into_owned());
+            add_square(&rows.rows_range(senseless.max(*skip).min(rows.nrows())..).into_owned(), &mut gram);
         }
+        gram.fill_lower_triangle_with_upper_triangle();
         gram
     }
 
@@ -174,19 +174,6 @@ impl<'a> Part<'a> {
         }
         gram
     }
-}
-
-/// XᵀX, block by block of its upper half: products of whole blocks are what a processor is quick at.
-fn square(x: &DMatrix<f64>) -> DMatrix<f64> {
-    let (p, transposed) = (x.ncols(), x.transpose());
-    let mut gram = DMatrix::zeros(p, p);
-    for start in (0..p).step_by(BLOCK) {
-        let end = (start + BLOCK).min(p);
-        let part = transposed.rows_range(..end) * x.columns_range(start..end);
-        gram.view_mut((0, start), part.shape()).copy_from(&part);
-    }
-    gram.fill_lower_triangle_with_upper_triangle();
-    gram
 }
 
 /// Outputs of each stretch, simulated from its first sample; `None` if any cannot be.

@@ -1,6 +1,7 @@
 //! Which of many long columns span the others, and what is left of a residual beside them.
 
 use nalgebra::{DMatrix, DVector};
+use wheelwright_core::gram::add_square;
 
 use super::algebra::{add, dot};
 
@@ -8,8 +9,6 @@ use super::algebra::{add, dot};
 const OWN: f64 = 1e-4;
 /// Rows of which products of columns are summed at once.
 const PIECE: usize = 256;
-/// Columns of which products are summed at once.
-const BLOCK: usize = 128;
 
 /// Columns of length one of which others are combinations, and the lower triangular factor of their products.
 pub(crate) struct Span {
@@ -57,19 +56,14 @@ impl Span {
     }
 }
 
-/// Sums of products of all pairs of columns; block by block, each with those up to it, and piece by piece of their rows, each of which stays near
-/// the processor.
+/// Sums of products of all pairs of columns, piece by piece of their rows, each of which stays near the processor.
 fn products(columns: &[Vec<f64>]) -> DMatrix<f64> {
     let (k, rows) = (columns.len(), columns.first().map_or(0, Vec::len));
     let mut sums = DMatrix::zeros(k, k);
     for start in (0..rows).step_by(PIECE) {
         let mut piece = DMatrix::zeros(PIECE.min(rows - start), k);
         piece.column_iter_mut().zip(columns).for_each(|(mut to, from)| to.copy_from_slice(&from[start..start + to.len()]));
-        let turned = piece.transpose();
-        for first in (0..k).step_by(BLOCK) {
-            let (of, end) = (BLOCK.min(k - first), k.min(first + BLOCK));
-            sums.view_mut((0, first), (end, of)).gemm(1.0, &turned.rows(0, end), &piece.columns(first, of), 1.0);
-        }
+        add_square(&piece, &mut sums);
     }
     sums.fill_lower_triangle_with_upper_triangle();
     sums
@@ -87,7 +81,7 @@ mod tests {
     }
 
     #[test]
-    fn products_of_blocks_and_pieces_are_those_of_all_pairs() {
+    fn products_of_pieces_are_those_of_all_pairs() {
         let columns = columns();
         let products = products(&columns);
         for (i, j) in [(0, 0), (0, 299), (299, 5), (130, 257), (257, 130)] {

@@ -10,7 +10,7 @@ use wheelwright_diagnosis::effects::{
 use wheelwright_diagnosis::{Diagnosis, DiagnosisError, Question, Verdict, diagnose};
 
 use crate::drive::{Drive, blur};
-use crate::recorded::{Hidden, NOISE, THETA, TRACK, ask, averaged, library, model, names, noise_of, record, record_on, record_with};
+use crate::recorded::{Hidden, NOISE, THETA, TRACK, add_noise, ask, averaged, library, model, names, record, record_on, record_with};
 
 #[test]
 fn nothing_is_named_where_nothing_is_hidden_white_or_coloured() {
@@ -236,8 +236,7 @@ fn rippled(mut data: Dataset, wheel: Wheel, amplitude: f64, radius: f64, standin
 
 /// The same under noise.
 fn noisy(mut data: Dataset, seed: u64, rows: usize) -> Dataset {
-    let outputs = data.stretches[0].outputs.iter_mut().zip(noise_of(seed, rows));
-    outputs.for_each(|(run, noise)| run.iter_mut().zip(noise).for_each(|(x, n)| *x += n));
+    add_noise(&mut data.stretches[0].outputs, seed, rows);
     data
 }
 

@@ -111,7 +111,7 @@ pub(crate) fn noise_of(seed: u64, rows: usize) -> Vec<Vec<f64>> {
 }
 
 /// Adds the noise of a recording to a run.
-fn add_noise(run: &mut [Vec<f64>], seed: u64, rows: usize) {
+pub(crate) fn add_noise(run: &mut [Vec<f64>], seed: u64, rows: usize) {
     run.iter_mut().zip(noise_of(seed, rows)).for_each(|(run, noise)| run.iter_mut().zip(noise).for_each(|(x, n)| *x += n));
 }
 
