@@ -137,6 +137,14 @@ impl EffectParameter {
         self.neutral.is_some_and(|neutral| (value - neutral).abs() <= ROUNDING * self.scale.abs())
     }
 
+    /// The bound that a size has come to, if it has: not that at which it does nothing, and not that of a shape with a usual value, which is at its bounds
+    /// where the data do not tell.
+    pub fn extreme(&self, value: f64) -> Option<f64> {
+        let sized = self.neutral.is_some() && self.usual.is_none() && !self.is_neutral(value);
+        let (low, high) = self.bounds;
+        [low, high].into_iter().find(|bound| sized && (value - bound).abs() <= ROUNDING * self.scale.abs())
+    }
+
     /// The same with a side or an axis.
     #[must_use]
     pub fn of(mut self, kind: &'static str, which: &str) -> Self {

@@ -80,7 +80,13 @@ pub(crate) fn tell(
     let proof = Proven::new(question, &story, rests);
     let (findings, open) = findings(search, selected, rests, &proof);
     let (mut flags, location) = review(question, &story, &findings)?;
-    flags.extend(search.effects(&selected.state.effects).iter().zip(&findings).filter_map(|(effect, finding)| beyond(*effect, finding)));
+    flags.extend(
+        search
+            .effects(&selected.state.effects)
+            .iter()
+            .zip(&findings)
+            .filter_map(|(effect, finding)| beyond(*effect, finding, setting.scene)),
+    );
     if !numerical(setting, &selected.state.fit) {
         flags.extend(following(setting, noise, &selected.base));
     }

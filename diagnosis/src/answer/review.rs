@@ -100,9 +100,9 @@ pub(super) fn following(setting: &Setting<'_>, noise: &Noise, base: &Fit) -> Opt
 }
 
 /// What a finding's values say that its effect does not explain: all of it is left over.
-pub(super) fn beyond(effect: &dyn Effect, finding: &Finding) -> Option<Flag> {
+pub(super) fn beyond(effect: &dyn Effect, finding: &Finding, scene: &Scene) -> Option<Flag> {
     let estimates: Vec<Estimate> = finding.parameters.iter().map(|p| Estimate { value: p.value, ci95: p.ci95 }).collect();
-    let statement = effect.beyond(&estimates)?;
+    let statement = effect.beyond(&estimates).or_else(|| impossible(effect, &estimates, scene))?;
     Some(Flag {
         test: "values beyond the effect",
         value: 1.0,
@@ -111,6 +111,25 @@ pub(super) fn beyond(effect: &dyn Effect, finding: &Finding) -> Option<Flag> {
         statement,
         effect: None,
         instead: Vec::new(),
+    })
+}
+
+/// What says that an effect would have to be larger than it can be, where the data show that it is there at all.
+fn impossible(effect: &dyn Effect, estimates: &[Estimate], scene: &Scene) -> Option<String> {
+    let parameters = effect.parameters(scene);
+    parameters.iter().zip(estimates).find_map(|(p, e)| {
+        let bound = p.extreme(e.value)?;
+        let (low, high) = e.ci95?;
+        let there = p.neutral.is_some_and(|neutral| neutral < low || high < neutral);
+        there.then(|| {
+            let unit = if p.unit == "1" { String::new() } else { format!(" {}", p.unit) };
+            format!(
+                "the `{}` of `{}` would have to be beyond {}{unit}, as far as it can go: something else is behind it",
+                p.name,
+                effect.name(),
+                digits(bound)
+            )
+        })
     })
 }
 

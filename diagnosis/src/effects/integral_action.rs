@@ -1,4 +1,5 @@
-//! The low-level loops integrate: i' = k (u − x), u' = u + i, on forward and angular velocity each. Against winding up |i| ends at a clamp.
+//! The low-level loops integrate: i' = k (u − x), u' = u + i, on forward and angular velocity each. Against winding up |i| ends at a clamp, or what
+//! has gathered leaks: i' = k (u − x) − λ i.
 
 use serde::{Deserialize, Serialize};
 use wheelwright_core::Effect;
@@ -10,12 +11,18 @@ use super::words::quantity;
 /// PI in place of P control.
 #[derive(Debug, Clone, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct IntegralAction {}
+pub struct IntegralAction {
+    /// Whether what has gathered leaks, in the place of a clamp. Default `false`.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub leaky: bool,
+}
 
 /// A clamp this many times the typical command is none.
 const UNCLAMPED: f64 = 10.0;
 /// Clamps that are looked at, in typical commands.
 const CLAMPS: [f64; 6] = [0.6, 0.3, 0.15, 0.08, 0.04, 0.02];
+/// Leaks that are looked at \[1/s\].
+const LEAKS: [f64; 2] = [0.3, 1.5];
 
 #[typetag::serde(name = "integral_action")]
 impl Effect for IntegralAction {
@@ -24,7 +31,8 @@ impl Effect for IntegralAction {
     }
 
     fn about(&self) -> String {
-        "the low-level speed loops have integral action".to_owned()
+        let leaky = if self.leaky { " that leaks" } else { "" };
+        format!("the low-level speed loops have integral action{leaky}")
     }
 
     fn stage(&self) -> Stage {
@@ -38,6 +46,10 @@ impl Effect for IntegralAction {
 
     fn parameters(&self, scene: &Scene) -> Vec<EffectParameter> {
         let gain = |axis: Axis| EffectParameter::new("integral_gain", "1/s", (0.0, 50.0), 0.2).neutral(0.0).of("axis", axis.name());
+        if self.leaky {
+            let leak = EffectParameter::new("leak", "1/s", (0.0, 20.0), 0.2).neutral(0.0);
+            return vec![gain(Axis::V), gain(Axis::Omega), leak];
+        }
         let clamp = |axis: Axis| {
             let (typical, unit) = (scene.scales.inputs[axis.index()], &scene.inputs[axis.index()].unit);
             let bounds = (0.002 * typical, UNCLAMPED * typical);
@@ -51,6 +63,9 @@ impl Effect for IntegralAction {
     }
 
     fn starts(&self, scene: &Scene) -> Vec<Start> {
+        if self.leaky {
+            return LEAKS.map(|leak| Start { values: vec![0.2, 0.2, leak], columns: vec![vec![0], vec![1]], linear: true }).into();
+        }
         let mut all = pairs([1.0, 1.0], &[0.15, 0.4, 1.0, 2.0, 4.0, 8.0]);
         all.iter_mut().for_each(|start| start.values.extend([0, 1].map(|i| UNCLAMPED * scene.scales.inputs[i])));
         all
@@ -58,6 +73,9 @@ impl Effect for IntegralAction {
 
     /// The same gains with a clamp, on both axes alike or on one: from none no small step leads to one.
     fn afterthoughts(&self, values: &[f64], scene: &Scene) -> Vec<Vec<f64>> {
+        if self.leaky {
+            return Vec::new();
+        }
         let clamped = |share: f64, axes: &[usize]| {
             let mut values = values.to_vec();
             axes.iter().for_each(|i| values[2 + i] = share * scene.scales.inputs[*i]);
@@ -68,6 +86,12 @@ impl Effect for IntegralAction {
 
     fn statement(&self, values: &[Estimate], scene: &Scene) -> String {
         let [forward, turn] = [values[0], values[1]].map(|k| quantity(k, "1/s"));
+        if self.leaky {
+            let leak = quantity(values[2], "1/s");
+            return format!(
+                "the speed loops correct errors for a while, with an integral gain of {forward} in forward and {turn} in turning motion, of which {leak} leaks; the model's had none"
+            );
+        }
         let parameters = self.parameters(scene);
         let ends = |i: usize| (!parameters[i].is_neutral(values[i].value)).then(|| quantity(values[i], &parameters[i].unit));
         let ends = match (ends(2), ends(3)) {
@@ -100,10 +124,12 @@ impl Effect for IntegralAction {
     }
 
     fn command(&self, p: &[f64], at: &Instant<'_>, outputs: &[f64], state: &mut [f64], u: &mut [f64]) {
-        let (gains, clamps) = p.split_at(2);
-        for ((((state, k), clamp), u), x) in state.chunks_exact_mut(2).zip(gains).zip(clamps).zip(u).zip(outputs) {
+        let (clamps, leak) = if self.leaky { ([f64::INFINITY; 2], p[2]) } else { ([p[2], p[3]], 0.0) };
+        // What is left of what had gathered, and of what gathers over the span on the average.
+        let (kept, gathered) = if leak > 0.0 { ((-leak * at.span).exp(), -(-leak * at.span).exp_m1() / leak) } else { (1.0, at.span) };
+        for ((((state, k), clamp), u), x) in state.chunks_exact_mut(2).zip(p).zip(clamps).zip(u).zip(outputs) {
             let error = *u - x;
-            state[0] = (state[0] + 0.5 * k * at.span * (error + state[1])).max(-clamp.abs()).min(clamp.abs());
+            state[0] = (kept * state[0] + 0.5 * k * gathered * (error + state[1])).max(-clamp.abs()).min(clamp.abs());
             state[1] = error;
             *u += state[0];
         }

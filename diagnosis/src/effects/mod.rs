@@ -36,6 +36,7 @@
 mod actuator_lag;
 mod backlash;
 mod battery_sag;
+mod bristles;
 mod castor_drag;
 mod command_delay;
 mod command_offset;
@@ -157,7 +158,8 @@ fn command_side() -> Vec<Box<dyn Effect>> {
         Box::new(BatterySag { law: SagLaw::Settling, servo: true }),
         Box::new(BatterySag { law: SagLaw::Dropped, servo: true }),
         Box::new(BatterySag { law: SagLaw::Loaded, servo: true }),
-        Box::new(IntegralAction {}),
+        Box::new(IntegralAction::default()),
+        Box::new(IntegralAction { leaky: true }),
     ];
     for axis in [Axis::V, Axis::Omega] {
         all.push(Box::new(SlewLimit { axis: Some(axis), ..SlewLimit::default() }));
@@ -197,11 +199,13 @@ fn sensors() -> Vec<Box<dyn Effect>> {
 fn dynamics() -> Vec<Box<dyn Effect>> {
     vec![
         Box::new(CoulombFriction::default()),
-        Box::new(CoulombFriction { soft: true }),
+        Box::new(CoulombFriction { soft: true, ..CoulombFriction::default() }),
+        Box::new(CoulombFriction { presliding: true, ..CoulombFriction::default() }),
         Box::new(CoulombFrictionOneWheel { wheel: Some(Wheel::Left) }),
         Box::new(CoulombFrictionOneWheel { wheel: Some(Wheel::Right) }),
         Box::new(CoulombFrictionOneWheel { wheel: None }),
-        Box::new(StribeckFriction {}),
+        Box::new(StribeckFriction::default()),
+        Box::new(StribeckFriction { presliding: true }),
         Box::new(RollingResistance {}),
         Box::new(DirectionAsymmetry::default()),
         Box::new(DirectionAsymmetry { soft: true }),

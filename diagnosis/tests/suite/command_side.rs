@@ -286,16 +286,31 @@ fn an_offset_is_added() {
 fn loops_integrate_their_error() {
     for (forward, turn) in [(0.4, 0.0), (2.5, 6.0)] {
         for (ends, most) in [([1e3, 1e3], 1e-4), ([0.02, 0.04], 1e-3)] {
-            let error = difference(&[&IntegralAction {}], &[forward, turn, ends[0], ends[1]], &[], [0.3, 0.2, 0.0, 0.0], |s, t, x| {
-                let u = held(s, t);
-                let a = base([u[0] + x[2], u[1] + x[3]], x);
-                // Against winding up: an integral at its end goes no further.
-                let grows =
-                    |k: f64, i: usize| if x[2 + i].abs() >= ends[i] && (u[i] - x[i]) * x[2 + i] > 0.0 { 0.0 } else { k * (u[i] - x[i]) };
-                [a[0], a[1], grows(forward, 0), grows(turn, 1)]
-            });
+            let error =
+                difference(&[&IntegralAction::default()], &[forward, turn, ends[0], ends[1]], &[], [0.3, 0.2, 0.0, 0.0], |s, t, x| {
+                    let u = held(s, t);
+                    let a = base([u[0] + x[2], u[1] + x[3]], x);
+                    // Against winding up: an integral at its end goes no further.
+                    let grows = |k: f64, i: usize| {
+                        if x[2 + i].abs() >= ends[i] && (u[i] - x[i]) * x[2 + i] > 0.0 { 0.0 } else { k * (u[i] - x[i]) }
+                    };
+                    [a[0], a[1], grows(forward, 0), grows(turn, 1)]
+                });
             assert!(error < most, "{forward} {turn} {ends:?}: {error}");
         }
+    }
+}
+
+#[test]
+fn what_loops_have_gathered_may_leak() {
+    let leaky = IntegralAction { leaky: true };
+    for (forward, turn, leak) in [(0.4, 0.0, 0.3), (2.5, 6.0, 2.0)] {
+        let error = difference(&[&leaky], &[forward, turn, leak], &[], [0.3, 0.2, 0.0, 0.0], |s, t, x| {
+            let u = held(s, t);
+            let a = base([u[0] + x[2], u[1] + x[3]], x);
+            [a[0], a[1], forward * (u[0] - x[0]) - leak * x[2], turn * (u[1] - x[1]) - leak * x[3]]
+        });
+        assert!(error < 1e-4, "{forward} {turn} {leak}: {error}");
     }
 }
 

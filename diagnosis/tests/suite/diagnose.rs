@@ -311,12 +311,12 @@ fn a_time_of_change_is_found_on_any_clock() {
 /// How dry friction turns over between creeping forwards and backwards is a matter of the model of it; a rise over a wider range is physics.
 #[test]
 fn a_rise_of_friction_as_narrow_as_its_kink_is_none() {
-    let stribeck = StribeckFriction {};
+    let stribeck = StribeckFriction::default();
     for (rise, speed, name) in [(0.06, 0.006, "coulomb_friction"), (0.03, 0.06, "stribeck_friction")] {
         let hidden: [(&dyn Effect, &[f64]); 1] = [(&stribeck, &[0.04, rise, speed, 1.0])];
         let training = record(97, 1600, true, &hidden, 0.0);
         let (model, mut library) = (model(), library());
-        library.push(Box::new(StribeckFriction {}));
+        library.push(Box::new(StribeckFriction::default()));
         let mut question = Question::new(&*model, &training, &library);
         question.track_width = Some(TRACK);
         let diagnosis = diagnose(&question).unwrap();

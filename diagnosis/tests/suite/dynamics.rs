@@ -60,7 +60,7 @@ fn stribeck_friction_falls_with_speed() {
     let (c, b, vs, ratio) = (0.02, 0.05, 0.08, 1.3);
     let rig = body();
     let law = |s: f64| rig.sign(s) * (c + b * (-(s * s) / (vs * vs)).exp());
-    let error = rig.load_error(&StribeckFriction {}, &[c, b, vs, ratio], |x| off(wheels(x).map(law), ratio));
+    let error = rig.load_error(&StribeckFriction::default(), &[c, b, vs, ratio], |x| off(wheels(x).map(law), ratio));
     assert!(error < 1e-3, "{error}");
 }
 
@@ -104,11 +104,36 @@ fn soft_friction_comes_up_with_speed() {
     let rig = body();
     let law = |s: f64, c: f64| c * (s / slow).atan().sin();
     let values = [forward, slow, ratio];
-    let error = rig.load_error(&CoulombFriction { soft: true }, &values, |x| off(wheels(x).map(|s| law(s, forward)), ratio));
+    let error = rig.load_error(&CoulombFriction { soft: true, ..CoulombFriction::default() }, &values, |x| {
+        off(wheels(x).map(|s| law(s, forward)), ratio)
+    });
     assert!(error < 3e-4, "{error}");
     let values = [forward, backward, slow, ratio];
     let by_direction = |s: f64| law(s, if s > 0.0 { forward } else { backward });
     let error = rig.load_error(&DirectionAsymmetry { soft: true }, &values, |x| off(wheels(x).map(by_direction), ratio));
+    assert!(error < 3e-4, "{error}");
+}
+
+/// LuGre without damping, as its authors write it: a bend b of stiffness σ, f = σ b, b' = s − σ |s| b/g(s).
+#[test]
+fn bristles_bend_before_they_slide() {
+    let (c, rise, slow, length, ratio) = (0.05, 0.03, 0.08, 0.006, 1.3);
+    let rig = body();
+    let bends = |stiffness: f64, holds: &dyn Fn(f64) -> f64, effect: &dyn Effect, values: &[f64]| {
+        let [left, right] = wheels(rig.start).map(|s| holds(s) / stiffness);
+        rig.error(effect, values, [rig.start[0], rig.start[1], left, right], &[], |_, u, [v, w, left, right]| {
+            let (speeds, bends) = (wheels([v, w]), [left, right]);
+            let [forward, turn] = off(bends.map(|b| stiffness * b), ratio);
+            let [l, r] = [0, 1].map(|i| speeds[i] - stiffness * speeds[i].abs() * bends[i] / holds(speeds[i]));
+            let a = (rig.base)([u[0] - forward, u[1] - turn], [v, w]);
+            [a[0], a[1], l, r]
+        })
+    };
+    let coulomb = CoulombFriction { presliding: true, ..CoulombFriction::default() };
+    let error = bends(c / length, &|_| c, &coulomb, &[c, length, ratio]);
+    assert!(error < 3e-4, "{error}");
+    let holds = |s: f64| c + rise * (-(s / slow).powi(2)).exp();
+    let error = bends((c + rise) / length, &holds, &StribeckFriction { presliding: true }, &[c, rise, slow, length, ratio]);
     assert!(error < 3e-4, "{error}");
 }
 
@@ -722,7 +747,7 @@ fn loops_integrate_what_unequal_wheels_tell_them() {
     let rig = body();
     let (e, h, gains, kept) = (0.08, HALF_TRACK, [0.8, 1.5], [1.02, 1.05]);
     let ground = WheelRadiusMismatch { speeds: Speeds::Ground, ..WheelRadiusMismatch::default() };
-    let effects: [&dyn Effect; 2] = [&ground, &IntegralAction {}];
+    let effects: [&dyn Effect; 2] = [&ground, &IntegralAction::default()];
     let values = [e, 1.0, gains[0], gains[1], 1e3, 1e3];
     let error = rig.joint_error(&effects, &values, [0.3, 0.2, 0.0, 0.0], &[], |_, u, [v, w, i, j]| {
         let told = [v - 0.5 * e * h * w, w - 0.5 * e / h * v];
