@@ -217,7 +217,7 @@ pub(crate) fn products(parts: &[impl AsRef<[f64]>], lag: usize) -> f64 {
 
 /// Robust standard deviation of values whose root mean square is about `size`. `None` where more than half of them are exactly alike (a coarse
 /// lattice): the bulk has no spread to go by.
-fn spread<'v>(parts: impl Iterator<Item = &'v [f64]>, size: f64) -> Option<f64> {
+pub(crate) fn spread<'v>(parts: impl Iterator<Item = &'v [f64]>, size: f64) -> Option<f64> {
     let mut sizes: Vec<f64> = parts.flatten().map(|x| x.abs()).collect();
     if sizes.is_empty() {
         return None;

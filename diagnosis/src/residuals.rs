@@ -54,7 +54,7 @@ impl Residuals<'_> {
 /// What a test without a library found in the final residual. `decide` weighs these.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Flag {
-    /// Which test: `input-driven structure`, `bursts`, `memory of the rest`, `wheel-order line`, `variance against acceleration`,
+    /// Which test: `input-driven structure`, `bursts`, `events`, `memory of the rest`, `wheel-order line`, `variance against acceleration`,
     /// `value lattice`, `counts of the wheels`, `means over the interval`.
     pub test: &'static str,
     /// Its statistic.

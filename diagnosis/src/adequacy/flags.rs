@@ -94,6 +94,9 @@ fn flags(found: &Adequacy, comparison: &Comparison<'_>, explained: f64) -> Vec<F
     for burst in &found.bursts {
         flag("bursts", burst.z, 0.0, Some(burst.excess / (burst.excess + explained.max(0.0))), None);
     }
+    if let Some(events) = &found.events {
+        flag("events", events.excess, 0.0, Some(events.excess / (events.excess + explained.max(0.0))), None);
+    }
     if let Some(memory) = &found.memory {
         flag("memory of the rest", memory.correlation, memory::LASTS, Some(memory.share), None);
     }

@@ -1,8 +1,9 @@
-//! Whether a model is adequate, asked without any library: seven tests of what it leaves over.
+//! Whether a model is adequate, asked without any library: eight tests of what it leaves over.
 //!
 //! A library always finds something to name. These tests know no effect; they say whether anything is left, and where to look.
 
 mod bursts;
+mod events;
 mod flags;
 mod jitter;
 mod lattice;
@@ -12,6 +13,7 @@ mod rounding;
 pub mod structure;
 
 pub use bursts::Burst;
+pub use events::Events;
 pub use flags::{Explained, review};
 pub use jitter::Jitter;
 pub use lattice::{Counts, Lattice};
@@ -28,7 +30,7 @@ use crate::comparison::{Channels, Comparison};
 use crate::effects::digits;
 use crate::noise::Noise;
 
-/// What the seven tests found.
+/// What the eight tests found.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Adequacy {
     /// Commands that are rounded.
@@ -37,6 +39,8 @@ pub struct Adequacy {
     pub structure: Structure,
     /// Times with more than their share.
     pub bursts: Vec<Burst>,
+    /// Times far out that come again and again.
+    pub events: Option<Events>,
     /// A rest that lasts.
     pub memory: Option<Memory>,
     /// What returns with a wheel's turn.
@@ -55,6 +59,7 @@ pub fn examine(comparison: &Comparison<'_>, seed: u64) -> Adequacy {
     Adequacy {
         structure: structure::measure(comparison, jitter.as_ref()),
         bursts: bursts::find(comparison, seed, jitter.as_ref()),
+        events: if jitter.is_none() { events::find(comparison) } else { None },
         memory: memory::find(comparison),
         order: orders::find(comparison),
         rounding: rounding::find(comparison),
@@ -85,6 +90,13 @@ impl Adequacy {
         }
         for burst in &self.bursts {
             all.push(format!("between {:.1} s and {:.1} s more is left than at other times", burst.time.0, burst.time.1));
+        }
+        if let Some(Events { output, count, lasts, first, .. }) = &self.events {
+            all.push(format!(
+                "{count} times, the first at {first:.1} s, {} is missed for {lasts:.2} s by far more than its noise: something happens now and then that no \
+                 command causes",
+                name(*output)
+            ));
         }
         if let Some(Memory { output, lag, correlation, .. }) = &self.memory {
             let (name, of) = (name(*output), 100.0 * correlation);

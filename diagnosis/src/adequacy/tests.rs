@@ -18,6 +18,7 @@ fn clean_recordings_raise_no_alarm() {
         sum += found.structure.z;
         assert!(
             found.bursts.is_empty()
+                && found.events.is_none()
                 && found.memory.is_none()
                 && found.order.is_none()
                 && found.rounding.is_none()
@@ -41,7 +42,11 @@ fn heavy_tails_raise_no_alarm() {
         });
         let found = case.compare(None, |c| examine(c, seed));
         assert!(
-            !found.structure.significant() && found.bursts.is_empty() && found.order.is_none() && found.lattices.is_empty(),
+            !found.structure.significant()
+                && found.bursts.is_empty()
+                && found.events.is_none()
+                && found.order.is_none()
+                && found.lattices.is_empty(),
             "{seed}: {found:?}"
         );
     }
@@ -72,6 +77,34 @@ fn a_push_is_a_burst_at_its_time() {
     let bursts = case.compare(None, |c| examine(c, 2)).bursts;
     assert!(bursts.iter().any(|b| b.time.0 >= 29.0 && b.time.1 <= 33.0), "{bursts:?}");
     assert!(bursts.iter().all(|b| b.time.1 > 29.0 && b.time.0 < 33.0), "{bursts:?}");
+}
+
+/// What a robot does that stops for a moment every few seconds, and then comes up to its speed again.
+#[test]
+fn stops_that_come_again_are_events_and_noise_far_out_that_is_remembered_is_none() {
+    let case = Case::new(6, |t, i, y, _, random| {
+        let since = t % 7.0;
+        let stop = if since < 0.2 { since / 0.2 } else { (-(since - 0.2) / 0.4).exp() };
+        y + NOISE[i] * normal(random) - if i == 0 { 20.0 * NOISE[0] * stop } else { 0.0 }
+    });
+    let found = case.compare(None, |c| events::find(c)).expect("events");
+    assert!(found.output == 0 && found.count >= 5 && found.first < 1.0, "{found:?}");
+    // Student's t with three degrees of freedom, of which the next sample remembers 0.8.
+    for seed in 0..20 {
+        let mut state = [0.0; 2];
+        let case = Case::new(seed, |_, i, y, _, random| {
+            let chi: f64 = (0..3).map(|_| normal(random).powi(2)).sum();
+            state[i] = 0.8 * state[i] + 0.6 * normal(random) / chi.sqrt();
+            y + NOISE[i] * state[i]
+        });
+        let white = case.compare(None, |c| {
+            let past = [0, 1].map(|i| whitener(&c.white.iter().map(|stretch| stretch[i].clone()).collect::<Vec<_>>(), &[]));
+            let mut white = c.white.to_vec();
+            white.iter_mut().flat_map(|stretch| stretch.iter_mut().zip(&past)).for_each(|(series, past)| past(series));
+            events::find(&Comparison { white: &white, ..*c })
+        });
+        assert!(white.is_none(), "{seed}: {white:?}");
+    }
 }
 
 /// What is left behind the last whole second of a stretch may be a single sample.

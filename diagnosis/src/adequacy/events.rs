@@ -1,0 +1,70 @@
+//! Events: now and then the model misses something for some samples, far beyond its noise, and then nothing. A link that drops out, a gust, a wheel
+//! that meets a stone.
+//!
+//! Noise with heavy tails has values far out as well, but none of them knows of the next. Coloured, it falls back from each; whitened, a value that was
+//! read wrongly shows twice. So a sample counts as far out only if both what is left there and its innovation are, beyond [`FAR`] robust deviations.
+//! Of n such samples among N, n²/N follow another one by chance, and how many do is distributed as Poisson's law has it.
+
+use statrs::distribution::{DiscreteCDF, Poisson};
+
+use crate::comparison::Comparison;
+use crate::noise::spread;
+
+use super::bursts::FALSE_ALARM;
+
+/// Robust standard deviations beyond which a value is far out.
+const FAR: f64 = 5.0;
+/// Events that are more than one mishap.
+const SEVERAL: usize = 3;
+
+/// Times far out that last.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Events {
+    /// Which output.
+    pub output: usize,
+    /// How many there are.
+    pub count: usize,
+    /// How long one is in the mean \[s\].
+    pub lasts: f64,
+    /// When the first begins \[s\].
+    pub first: f64,
+    /// Their energy, in squared standard deviations of the innovations.
+    pub excess: f64,
+}
+
+/// Those of the output in which they have most energy.
+pub(super) fn find(comparison: &Comparison<'_>) -> Option<Events> {
+    let found = (0..comparison.outputs()).filter_map(|output| of(comparison, output));
+    found.max_by(|a, b| a.excess.total_cmp(&b.excess))
+}
+
+fn of(comparison: &Comparison<'_>, output: usize) -> Option<Events> {
+    let rows = || comparison.data.stretches.iter().zip(comparison.model).zip(comparison.white);
+    let left: Vec<Vec<f64>> =
+        rows().map(|((s, run), _)| s.outputs[output].iter().zip(&run[output]).map(|(y, m)| y - m).collect()).collect();
+    let most = FAR * spread(left.iter().map(Vec::as_slice), 0.0)?;
+    let most_new = FAR * spread(comparison.white.iter().map(|white| white[output].as_slice()), 0.0)?;
+    let (mut far, mut following, mut events, mut excess, mut first) = (0_usize, 0_usize, 0_usize, 0.0, f64::INFINITY);
+    for (((stretch, _), white), left) in rows().zip(&left) {
+        let mut run = 0_usize;
+        for (k, (x, e)) in left.iter().zip(&white[output]).enumerate() {
+            if x.abs() <= most || e.abs() <= most_new {
+                run = 0;
+                continue;
+            }
+            run += 1;
+            far += 1;
+            following += usize::from(run > 1);
+            excess += e * e;
+            if run == 2 {
+                events += 1;
+                first = f64::min(first, stretch.time[k - 1]);
+            }
+        }
+    }
+    let chance = (far * far) as f64 / comparison.data.samples() as f64;
+    let more = Poisson::new(chance).ok()?.sf(following.checked_sub(1)? as u64);
+    let several = events >= SEVERAL && more < FALSE_ALARM / comparison.outputs() as f64;
+    let lasts = (following + events) as f64 / events.max(1) as f64 * comparison.scene.scales.period;
+    several.then_some(Events { output, count: events, lasts, first, excess })
+}
