@@ -87,7 +87,7 @@ fn stops_that_come_again_are_events_and_noise_far_out_that_is_remembered_is_none
         let stop = if since < 0.2 { since / 0.2 } else { (-(since - 0.2) / 0.4).exp() };
         y + NOISE[i] * normal(random) - if i == 0 { 20.0 * NOISE[0] * stop } else { 0.0 }
     });
-    let found = case.compare(None, |c| events::find(c)).expect("events");
+    let found = case.compare(None, events::find).expect("events");
     assert!(found.output == 0 && found.count >= 5 && found.first < 1.0, "{found:?}");
     // Student's t with three degrees of freedom, of which the next sample remembers 0.8.
     for seed in 0..20 {
