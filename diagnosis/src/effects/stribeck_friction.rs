@@ -80,7 +80,7 @@ impl Effect for StribeckFriction {
         // From a small friction no step leads to wheels that stick.
         let sticking = |share: f64| {
             let values = force::with_ratio(scene, &values(STICKING.0, STICKING.1, share));
-            Start { values, columns: vec![vec![0], vec![1]], linear: true }
+            Start { values, columns: vec![vec![0], vec![1]], linear: false }
         };
         [0.06, 0.12, 0.22, 0.4].into_iter().flat_map(from).chain([0.1, 0.2, 0.4].map(sticking)).collect()
     }
