@@ -51,6 +51,11 @@ impl Comparison<'_> {
         self.data.stretches[stretch].outputs[output][row] - self.base[stretch][output][row]
     }
 
+    /// Measured less model, of an output along a stretch.
+    pub(crate) fn left(&self, stretch: usize, output: usize) -> impl Iterator<Item = f64> {
+        self.data.stretches[stretch].outputs[output].iter().zip(&self.model[stretch][output]).map(|(y, m)| y - m)
+    }
+
     /// One output's whitened residual, the stretches one after the other.
     pub(crate) fn innovations(&self, output: usize) -> Vec<f64> {
         self.white.iter().flat_map(|s| s[output].iter().copied()).collect()

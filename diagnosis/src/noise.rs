@@ -14,7 +14,7 @@ const LONGEST: usize = 8;
 pub(crate) const HUBER: f64 = 2.0;
 /// Robust standard deviations beyond which a value tells nothing of how noise goes on: a normal distribution goes there once in two million times. A
 /// robot that is stopped for a moment would otherwise make slow noise of all that is left.
-const ASTRAY: f64 = 5.0;
+pub(crate) const ASTRAY: f64 = 5.0;
 /// Standard deviation over median magnitude of a normal distribution.
 const MEDIAN_TO_DEVIATION: f64 = 1.482_602_2;
 

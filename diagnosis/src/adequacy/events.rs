@@ -2,18 +2,16 @@
 //! that meets a stone.
 //!
 //! Noise with heavy tails has values far out as well, but none of them knows of the next. Coloured, it falls back from each; whitened, a value that was
-//! read wrongly shows twice. So a sample counts as far out only if both what is left there and its innovation are, beyond [`FAR`] robust deviations.
+//! read wrongly shows twice. So a sample counts as far out only if both what is left there and its innovation are, beyond [`ASTRAY`] robust deviations.
 //! Of n such samples among N, n²/N follow another one by chance, and how many do is distributed as Poisson's law has it.
 
 use statrs::distribution::{DiscreteCDF, Poisson};
 
 use crate::comparison::Comparison;
-use crate::noise::spread;
+use crate::noise::{ASTRAY, spread};
 
 use super::bursts::FALSE_ALARM;
 
-/// Robust standard deviations beyond which a value is far out.
-const FAR: f64 = 5.0;
 /// Events that are more than one mishap.
 const SEVERAL: usize = 3;
 
@@ -39,13 +37,12 @@ pub(super) fn find(comparison: &Comparison<'_>) -> Option<Events> {
 }
 
 fn of(comparison: &Comparison<'_>, output: usize) -> Option<Events> {
-    let rows = || comparison.data.stretches.iter().zip(comparison.model).zip(comparison.white);
-    let left: Vec<Vec<f64>> =
-        rows().map(|((s, run), _)| s.outputs[output].iter().zip(&run[output]).map(|(y, m)| y - m).collect()).collect();
-    let most = FAR * spread(left.iter().map(Vec::as_slice), 0.0)?;
-    let most_new = FAR * spread(comparison.white.iter().map(|white| white[output].as_slice()), 0.0)?;
+    let stretches = &comparison.data.stretches;
+    let left: Vec<Vec<f64>> = (0..stretches.len()).map(|s| comparison.left(s, output).collect()).collect();
+    let most = ASTRAY * spread(left.iter().map(Vec::as_slice), 0.0)?;
+    let most_new = ASTRAY * spread(comparison.white.iter().map(|white| white[output].as_slice()), 0.0)?;
     let (mut far, mut following, mut events, mut excess, mut first) = (0_usize, 0_usize, 0_usize, 0.0, f64::INFINITY);
-    for (((stretch, _), white), left) in rows().zip(&left) {
+    for ((stretch, white), left) in stretches.iter().zip(comparison.white).zip(&left) {
         let mut run = 0_usize;
         for (k, (x, e)) in left.iter().zip(&white[output]).enumerate() {
             if x.abs() <= most || e.abs() <= most_new {

@@ -81,34 +81,35 @@ fn flags(found: &Adequacy, comparison: &Comparison<'_>, explained: f64) -> Vec<F
     let sentences = found.sentences(comparison);
     let mut sentences = sentences.into_iter();
     let mut all = Vec::new();
+    // Of all that there was to explain.
+    let share = |left: f64| Some(left / (left + explained.max(0.0)));
     let mut flag = |test, value, threshold, left_over, effect| {
         all.push(Flag { test, value, threshold, left_over, statement: sentences.next().unwrap_or_default(), effect, instead: Vec::new() });
     };
     if let Some(rounding) = &found.rounding {
-        flag("rounded commands", rounding.gain, 0.0, Some(rounding.gain / (rounding.gain + explained.max(0.0))), None);
+        flag("rounded commands", rounding.gain, 0.0, share(rounding.gain), None);
     }
     if found.structure.significant() {
-        let share = found.structure.excess / (found.structure.excess + explained.max(0.0));
-        flag("input-driven structure", found.structure.z, structure::LIMIT, Some(share), None);
+        flag("input-driven structure", found.structure.z, structure::LIMIT, share(found.structure.excess), None);
     }
     for burst in &found.bursts {
-        flag("bursts", burst.z, 0.0, Some(burst.excess / (burst.excess + explained.max(0.0))), None);
+        flag("bursts", burst.z, 0.0, share(burst.excess), None);
     }
     if let Some(events) = &found.events {
-        flag("events", events.excess, 0.0, Some(events.excess / (events.excess + explained.max(0.0))), None);
+        flag("events", events.excess, 0.0, share(events.excess), None);
     }
     if let Some(memory) = &found.memory {
         flag("memory of the rest", memory.correlation, memory::LASTS, Some(memory.share), None);
     }
     if let Some(line) = &found.order {
-        flag("wheel-order line", line.power, 0.0, Some(line.power / (line.power + explained.max(0.0))), None);
+        flag("wheel-order line", line.power, 0.0, share(line.power), None);
     }
     if let Some(jitter) = &found.jitter {
         flag("variance against acceleration", jitter.z, 0.0, None, Some(("timestamp_jitter".to_owned(), vec![jitter.deviation])));
     }
     for lattice in &found.lattices {
-        let share = (lattice.quantum / comparison.noise[lattice.output]).powi(2) / 12.0;
-        flag("value lattice", share, QUANTISED, None, None);
+        let variance = (lattice.quantum / comparison.noise[lattice.output]).powi(2) / 12.0;
+        flag("value lattice", variance, QUANTISED, None, None);
     }
     if let Some(counts) = &found.counts {
         // Counting that other noise covers is no physics that a simulation would miss.

@@ -5,9 +5,7 @@
 //! off by chance do not: products of neighbours are held against products of their slopes, and where they grow half as much as the squares
 //! it is no jitter. Nor can stamps that stand in order be off, for sure, by more than their distance.
 
-use wheelwright_core::Stretch;
-
-use crate::comparison::{Channels, Comparison};
+use crate::comparison::Comparison;
 
 use super::bursts::FALSE_ALARM;
 
@@ -39,11 +37,8 @@ pub(super) fn find(comparison: &Comparison<'_>) -> Option<Jitter> {
     for output in 0..comparison.outputs() {
         let plain = slopes_of(comparison, output);
         let noise = comparison.noise[output];
-        let pieces = comparison.data.stretches.iter().zip(comparison.model);
-        let left = |(s, run): (&Stretch, &Channels)| -> Vec<f64> {
-            s.outputs[output].iter().zip(&run[output]).map(|(y, m)| (y - m) / noise).collect()
-        };
-        let residual: Vec<f64> = pieces.flat_map(left).collect();
+        let stretches = 0..comparison.data.stretches.len();
+        let residual: Vec<f64> = stretches.flat_map(|s| comparison.left(s, output).map(|left| left / noise)).collect();
         // Both outputs speak of the same stamps: in units of their own noise they are one series.
         squares.extend(residual.iter().map(|r| r * r));
         slopes.extend(plain.iter().map(|d| (d / noise).powi(2)));

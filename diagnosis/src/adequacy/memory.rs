@@ -59,8 +59,9 @@ fn of(comparison: &Comparison<'_>, output: usize) -> Option<Memory> {
 
 /// What is left of an output less its mean, in stretches that are long enough.
 fn rest(comparison: &Comparison<'_>, output: usize, lags: usize) -> Option<Vec<Vec<f64>>> {
-    let pairs = comparison.data.stretches.iter().zip(comparison.model).filter(|(s, _)| s.len() >= FEWEST * lags);
-    let mut rest: Vec<Vec<f64>> = pairs.map(|(s, m)| s.outputs[output].iter().zip(&m[output]).map(|(y, m)| y - m).collect()).collect();
+    let stretches = &comparison.data.stretches;
+    let long = (0..stretches.len()).filter(|s| stretches[*s].len() >= FEWEST * lags);
+    let mut rest: Vec<Vec<f64>> = long.map(|s| comparison.left(s, output).collect()).collect();
     let samples: usize = rest.iter().map(Vec::len).sum();
     let mean = rest.iter().flatten().sum::<f64>() / samples as f64;
     rest.iter_mut().flatten().for_each(|x| *x -= mean);

@@ -32,14 +32,16 @@ fn clean_recordings_raise_no_alarm() {
     assert!(largest < 4.0 && (sum / 40.0).abs() < 0.5, "largest {largest}, mean {}", sum / 40.0);
 }
 
+/// Student's t with three degrees of freedom, of unit variance.
+fn student(random: &mut StdRng) -> f64 {
+    let chi: f64 = (0..3).map(|_| normal(random).powi(2)).sum();
+    normal(random) / chi.sqrt()
+}
+
 #[test]
 fn heavy_tails_raise_no_alarm() {
     for seed in 0..20 {
-        // Student's t with three degrees of freedom, of unit variance.
-        let case = Case::new(seed, |_, i, y, _, random| {
-            let chi: f64 = (0..3).map(|_| normal(random).powi(2)).sum();
-            y + NOISE[i] * normal(random) / (chi / 3.0).sqrt() / 3.0_f64.sqrt()
-        });
+        let case = Case::new(seed, |_, i, y, _, random| y + NOISE[i] * student(random));
         let found = case.compare(None, |c| examine(c, seed));
         assert!(
             !found.structure.significant()
@@ -89,18 +91,15 @@ fn stops_that_come_again_are_events_and_noise_far_out_that_is_remembered_is_none
     });
     let found = case.compare(None, events::find).expect("events");
     assert!(found.output == 0 && found.count >= 5 && found.first < 1.0, "{found:?}");
-    // Student's t with three degrees of freedom, of which the next sample remembers 0.8.
+    // Values of heavy tails of which the next sample remembers 0.8.
     for seed in 0..20 {
         let mut state = [0.0; 2];
         let case = Case::new(seed, |_, i, y, _, random| {
-            let chi: f64 = (0..3).map(|_| normal(random).powi(2)).sum();
-            state[i] = 0.8 * state[i] + 0.6 * normal(random) / chi.sqrt();
+            state[i] = 0.8 * state[i] + 0.6 * student(random);
             y + NOISE[i] * state[i]
         });
         let white = case.compare(None, |c| {
-            let past = [0, 1].map(|i| whitener(&c.white.iter().map(|stretch| stretch[i].clone()).collect::<Vec<_>>(), &[]));
-            let mut white = c.white.to_vec();
-            white.iter_mut().flat_map(|stretch| stretch.iter_mut().zip(&past)).for_each(|(series, past)| past(series));
+            let (white, _) = by_its_past(c);
             events::find(&Comparison { white: &white, ..*c })
         });
         assert!(white.is_none(), "{seed}: {white:?}");
@@ -132,13 +131,18 @@ fn coloured(coefficient: f64) -> impl FnMut(usize, &mut StdRng) -> f64 {
     }
 }
 
+/// A rest whitened by its own past, and what whitens each output so.
+fn by_its_past(c: &Comparison<'_>) -> (Vec<Channels>, [impl Fn(&mut [f64]) + use<>; 2]) {
+    let past = [0, 1].map(|i| whitener(&c.white.iter().map(|stretch| stretch[i].clone()).collect::<Vec<_>>(), &[]));
+    let mut white = c.white.to_vec();
+    white.iter_mut().flat_map(|stretch| stretch.iter_mut().zip(&past)).for_each(|(series, past)| past(series));
+    (white, past)
+}
+
 /// The structure of a rest that is whitened by its own past, whatever makes it.
 fn whitened_by_itself(case: &Case) -> Structure {
     case.compare(None, |c| {
-        let by_its_past = |i: usize| whitener(&c.white.iter().map(|stretch| stretch[i].clone()).collect::<Vec<_>>(), &[]);
-        let past = [by_its_past(0), by_its_past(1)];
-        let mut white = c.white.to_vec();
-        white.iter_mut().flat_map(|stretch| stretch.iter_mut().zip(&past)).for_each(|(series, past)| past(series));
+        let (white, past) = by_its_past(c);
         let mut jacobian = c.jacobian.to_vec();
         for (matrix, past) in jacobian.iter_mut().zip(&past) {
             for mut column in matrix.column_iter_mut() {

@@ -29,13 +29,15 @@ pub struct StribeckFriction {
     pub presliding: bool,
 }
 
-/// Friction at a speed as a share of that near standstill.
-fn reach(p: &[f64]) -> impl Fn(f64) -> f64 + use<> {
-    let (kinetic, rise, width) = (p[0], p[1], p[2]);
-    move |speed| {
-        let most = kinetic + rise;
-        if most > 0.0 { (kinetic + rise * (-(speed / width).powi(2)).exp()) / most } else { 1.0 }
-    }
+/// Friction at a speed.
+fn holds(p: &[f64], speed: f64) -> f64 {
+    p[0] + p[1] * (-(speed / p[2]).powi(2)).exp()
+}
+
+/// The same as a share of that near standstill.
+fn reach(p: &[f64], speed: f64) -> f64 {
+    let most = p[0] + p[1];
+    if most > 0.0 { holds(p, speed) / most } else { 1.0 }
 }
 
 #[typetag::serde(name = "stribeck_friction")]
@@ -133,13 +135,13 @@ impl Effect for StribeckFriction {
 
     fn begin(&self, p: &[f64], at: &Instant<'_>, _inputs: &[f64], outputs: &[f64], state: &mut [f64]) {
         if self.presliding {
-            bristles::begin(at, outputs, state, reach(p));
+            bristles::begin(at, outputs, state, |speed| reach(p, speed));
         }
     }
 
     fn advance(&self, p: &[f64], at: &Instant<'_>, motion: &Motion<'_>, _drive: &[f64], state: &mut [f64]) {
         if self.presliding {
-            bristles::advance(p[3], at, motion, state, reach(p));
+            bristles::advance(p[3], at, motion, state, |speed| reach(p, speed));
         }
     }
 
@@ -148,6 +150,6 @@ impl Effect for StribeckFriction {
             bristles::load(p[0] + p[1], at, state, p.get(4), load);
             return;
         }
-        force::at_contacts(at, outputs, p.get(3), None, load, |_, speed, sign| sign * (p[0] + p[1] * (-(speed / p[2]).powi(2)).exp()));
+        force::at_contacts(at, outputs, p.get(3), None, load, |_, speed, sign| sign * holds(p, speed));
     }
 }
