@@ -3,7 +3,7 @@
 use wheelwright_core::effect::{Effect, EffectParameter};
 
 use super::{EXCHANGE, Rival, SHARE, Search, Selected, State};
-use crate::answer::always;
+use crate::answer::{AMBIGUOUS, always};
 use crate::race::Refined;
 
 /// A member's rivals, and those of the others.
@@ -23,13 +23,13 @@ fn succeeding(before: &Selected, member: usize, by: Selected) -> Selected {
 }
 
 impl<'a> Search<'a> {
-    /// The selection without members that are worth nothing once all is fitted to the end: a place was contested under other noise, or with others beside
-    /// it. And what it is without each that stays.
+    /// The selection without members that are worth hardly anything once all is fitted to the end: a place was contested under other noise, or with
+    /// others beside it, and that nothing is missing there is a rival as any other, which these data have to exclude. And what it is without each that stays.
     pub(crate) fn settled(&self, selected: Selected) -> (Selected, Vec<Option<State>>) {
         let mut selected = self.named(selected);
         let (mut member, mut rests) = (self.fixed(&selected), self.rests(&selected));
         while member < selected.state.effects.len() {
-            let rest = rests[member].as_ref().filter(|rest| self.worth(&selected, rest) <= 0.0);
+            let rest = rests[member].as_ref().filter(|rest| self.worth(&selected, rest) < AMBIGUOUS);
             match rest.and_then(|rest| self.only(&selected, rest)) {
                 Some(fewer) => {
                     let (_, rivals) = others(&selected, member);
@@ -166,6 +166,24 @@ mod tests {
             let (settled, rests) = search.settled(selected);
             assert_eq!((settled.state.effects.len(), settled.rivals.len(), rests.len()), (0, 0, 0));
         });
+    }
+
+    #[test]
+    fn a_member_that_might_as_well_be_nothing_goes() {
+        // A drag whose evidence is positive, and no more than chance gives once in twenty times.
+        let with = |drag: f64| Case::new(5, move |_, i, y, _, random| y - [drag, 0.0][i] * y * y.abs() + NOISE[i] * normal(random));
+        let library: Vec<Box<dyn Effect>> = vec![Box::new(QuadraticDrag::default())];
+        let mut seen = [0, 0];
+        for k in 0..24 {
+            with_selected(&with(0.002 * f64::from(k)), &library, 1, |search, selected| {
+                let rest = search.rests(&selected)[0].clone();
+                let worth = rest.map_or(f64::NAN, |rest| search.worth(&selected, &rest));
+                let stays = search.settled(selected).0.state.effects.len();
+                assert_eq!(stays, usize::from(worth >= AMBIGUOUS), "{k}: {worth}");
+                seen[stays] += usize::from(worth > 0.0);
+            });
+        }
+        assert!(seen[0] > 0 && seen[1] > 0, "{seen:?}");
     }
 
     #[test]
