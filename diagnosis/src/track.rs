@@ -3,6 +3,9 @@
 //! All effects are screened beside the base model at the widths of a grid. What promises most somewhere is fitted between the neighbours of
 //! the width at which it does, by golden section: of one that is no matter of the track, such as an offset, all widths say the same, and
 //! that a friction at one wheel does better shows only once it is fitted. A width that explains decisively more than the ordinary one is taken.
+//!
+//! Where none does there is a second look beside what explains most, at the ordinary width: a late command leaves so much over that no friction
+//! of the wheels shows beside the base model, at any width.
 
 use std::f64::consts::SQRT_2;
 
@@ -11,6 +14,7 @@ use wheelwright_core::effect::{Frame, Scene};
 use crate::diagnose::{DECISIVE, Surroundings};
 use crate::fit::search::Fit;
 use crate::fit::setting::Setting;
+use crate::fit::whitening::Whitening;
 use crate::question::Question;
 use crate::race::{Field, Refined};
 use crate::screen::{Candidate, Response};
@@ -34,55 +38,65 @@ const SECTIONS: usize = 7;
 /// The golden section.
 const GOLDEN: f64 = 0.618_033_988_749_895;
 
-/// The track width at which an effect at the wheels explains decisively more than at the ordinary one, beside the base model of that
-/// one, if there is such.
+/// The track width at which an effect at the wheels explains decisively more than at the ordinary one, if there is such: beside the base model
+/// of that one, or else beside what explains most of all.
 pub(crate) fn likeliest(question: &Question<'_>, start: &Surroundings<'_>, headings: Option<&[Vec<f64>]>) -> Option<f64> {
     let setting = &start.search.setting;
     if !matches!(setting.scene.frame, Frame::Body { .. }) {
         return None;
     }
-    let state = start.plain();
     let scene = |width: f64| Scene::new(setting.data, question.model, width, question.wheel_radius, headings);
-    // Where nothing is promised at the ordinary width nothing is missing.
-    let screened_ordinary = start.search.screen(&state, &start.whitening, &start.responses);
-    let mut promised = promises(&start.search, ORDINARY, &screened_ordinary);
-    let open = worth_a_look(&start.search, &promised);
-    if promised.is_empty() {
-        return None;
-    }
-    for width in HALF_OCTAVES.map(|k| ORDINARY * SQRT_2.powi(k)) {
-        let scene = scene(width);
-        let search = search(start, &scene, open.clone());
-        promised.extend(promises(&search, width, &screened(start, &search, &state).1));
-    }
-    promised.sort_by(|a, b| b.value.total_cmp(&a.value));
+    let alone = look(start, &Model::plain(start), &scene);
+    alone.width.or_else(|| look(start, &Model::with(start, &alone.best.filter(|best| best.score > 0.0)?)?, &scene).width)
+}
+
+/// The evidence for the best of some effects in a scene, beside the base model alone.
+pub(crate) fn evidence(start: &Surroundings<'_>, scene: &Scene, open: Vec<usize>) -> f64 {
+    let plain = Model::plain(start);
+    let there = plain.at(start, scene, open);
+    there.and_then(|there| there.refined(&there.screened())).map_or(f64::NEG_INFINITY, |best| best.score)
+}
+
+/// The same of all effects in the scene where they were looked at first.
+pub(crate) fn evidence_at_first(start: &Surroundings<'_>) -> f64 {
+    let Surroundings { search, responses, whitening, .. } = start;
+    let plain = start.plain();
+    let screened = search.screen(&plain, whitening, responses);
+    let best = search.refine(&plain, whitening, &screened, responses, &Field::open(0.0)).into_iter().next();
+    best.map_or(f64::NEG_INFINITY, |best| best.score)
+}
+
+/// What a look at all widths shows.
+struct Shown {
+    /// The width that explains decisively more than the ordinary one.
+    width: Option<f64>,
+    /// What explains most at the ordinary one.
+    best: Option<Refined>,
+}
+
+/// What effects explain beside a model, by the width.
+fn look(start: &Surroundings<'_>, model: &Model, scene: &impl Fn(f64) -> Scene) -> Shown {
     let fitted = |effect: usize, width: f64| {
         let scene = scene(width);
-        let search = search(start, &scene, vec![effect]);
-        let (responses, screened) = screened(start, &search, &state);
-        refined(&search, start, &responses, &screened)
+        let there = model.at(start, &scene, vec![effect])?;
+        there.refined(&there.screened())
     };
-    let nearby = |effect: usize, width: f64, fit: &Fit| {
-        let scene = scene(width);
-        from(&search(start, &scene, vec![effect]), start, effect, fit)
-    };
-    let mut named = Vec::new();
-    promised.retain(|p| {
-        let name = start.search.effect(p.effect).name();
-        let new = !named.contains(&name);
-        named.push(name);
-        new
-    });
-    let (mut ordinary, mut best) = (f64::NEG_INFINITY, (ORDINARY, f64::NEG_INFINITY));
-    for Promise { effect, width, .. } in promised.into_iter().take(FITTED) {
-        ordinary = fitted(effect, ORDINARY).map_or(f64::NEG_INFINITY, |best| best.score).max(ordinary);
+    let score = |of: &Option<Refined>| of.as_ref().map_or(f64::NEG_INFINITY, |best| best.score);
+    let (mut ordinary, mut best) = (None, (ORDINARY, f64::NEG_INFINITY));
+    for Promise { effect, width, .. } in promised(start, model, scene) {
+        let at_first = fitted(effect, ORDINARY);
+        if score(&at_first) > score(&ordinary) {
+            ordinary = at_first;
+        }
         // From one width to the next no look anew at all starts is needed.
         let Some(mut known) = fitted(effect, width) else { continue };
-        if known.score < NEAR * best.1.max(ordinary) {
+        if known.score < NEAR * best.1.max(score(&ordinary)) {
             continue;
         }
         let evidence = |log: f64| {
-            let Some(next) = nearby(effect, log.exp(), &known.fit) else { return f64::NEG_INFINITY };
+            let scene = scene(log.exp());
+            let nearby = model.at(start, &scene, vec![effect]).and_then(|there| there.from(effect, &known.fit));
+            let Some(next) = nearby else { return f64::NEG_INFINITY };
             let score = next.score;
             if score > known.score {
                 known = next;
@@ -94,36 +108,105 @@ pub(crate) fn likeliest(question: &Question<'_>, start: &Surroundings<'_>, headi
             best = (log.exp(), most);
         }
     }
-    (best.1 > ordinary + DECISIVE).then_some(best.0)
+    Shown { width: (best.1 > score(&ordinary) + DECISIVE).then_some(best.0), best: ordinary }
 }
 
-/// The evidence for the best of some effects in a scene, beside the base model alone.
-pub(crate) fn evidence(start: &Surroundings<'_>, scene: &Scene, open: Vec<usize>) -> f64 {
-    let search = search(start, scene, open);
-    let (responses, screened) = screened(start, &search, &start.plain());
-    best(&search, start, &responses, &screened)
+/// The names that promise most beside a model, each where it does.
+fn promised(start: &Surroundings<'_>, model: &Model, scene: &impl Fn(f64) -> Scene) -> Vec<Promise> {
+    // Where nothing is promised at the ordinary width nothing is missing.
+    let screened = start.search.screen(&model.state, &model.whitening, &start.responses);
+    let mut promised = promises(&start.search, ORDINARY, 0.0, &screened);
+    if promised.is_empty() {
+        return promised;
+    }
+    let open = worth_a_look(&start.search, &promised);
+    for width in HALF_OCTAVES.map(|k| ORDINARY * SQRT_2.powi(k)) {
+        let scene = scene(width);
+        let Some(there) = model.at(start, &scene, open.clone()) else { continue };
+        promised.extend(promises(&there.search, width, there.ahead, &there.screened().1));
+    }
+    promised.sort_by(|a, b| b.value.total_cmp(&a.value));
+    let mut named = Vec::new();
+    promised.retain(|p| {
+        let name = start.search.effect(p.effect).name();
+        let new = !named.contains(&name);
+        named.push(name);
+        new
+    });
+    promised.truncate(FITTED);
+    promised
 }
 
-/// The same of all effects in the scene where they were looked at first.
-pub(crate) fn evidence_at_first(start: &Surroundings<'_>) -> f64 {
-    let screened = start.search.screen(&start.plain(), &start.whitening, &start.responses);
-    best(&start.search, start, &start.responses, &screened)
+/// A model that effects are looked for beside, as it is at the ordinary width.
+struct Model {
+    state: State,
+    /// The one about which they are simulated, where that is another one.
+    about: Option<State>,
+    whitening: Whitening,
 }
 
-fn best(search: &Search<'_>, start: &Surroundings<'_>, responses: &[Response], screened: &[Vec<Candidate>]) -> f64 {
-    refined(search, start, responses, screened).map_or(f64::NEG_INFINITY, |best| best.score)
+impl Model {
+    /// The base model.
+    fn plain(start: &Surroundings<'_>) -> Self {
+        Self { state: start.plain(), about: Some(start.rough.clone()), whitening: start.whitening.clone() }
+    }
+
+    /// The base model with an effect, under the noise that it leaves then.
+    fn with(start: &Surroundings<'_>, first: &Refined) -> Option<Self> {
+        let (search, effects) = (&start.search, vec![first.effect]);
+        let noise = search.noise_of(&effects, &first.fit, &start.whitening)?;
+        let (whitening, fit) = search.under(&effects, &first.fit, &noise, COMPARING)?;
+        Some(Self { state: State { effects, fit }, about: None, whitening })
+    }
+
+    /// The model in another scene, and some effects to join it there.
+    fn at<'s>(&'s self, start: &'s Surroundings<'_>, scene: &'s Scene, open: Vec<usize>) -> Option<There<'s>> {
+        let search =
+            Search { setting: Setting { scene, ..start.search.setting.clone() }, library: start.search.library, open, known: None };
+        let State { effects, fit } = &self.state;
+        let fit = match effects.is_empty() {
+            true => fit.clone(),
+            false => search.fitted_from(effects, &fit.point, &self.whitening, COMPARING, false)?,
+        };
+        let ahead = fit.likelihood(&search.setting) - self.state.fit.likelihood(&start.search.setting);
+        Some(There { search, state: State { effects: effects.clone(), fit }, model: self, ahead })
+    }
 }
 
-/// The best of some effects beside the base model, fitted.
-fn refined(search: &Search<'_>, start: &Surroundings<'_>, responses: &[Response], screened: &[Vec<Candidate>]) -> Option<Refined> {
-    search.refine(&start.plain(), &start.whitening, screened, responses, &Field::open(0.0)).into_iter().next()
+/// A model at some width, and the effects that may join it.
+struct There<'s> {
+    search: Search<'s>,
+    state: State,
+    model: &'s Model,
+    /// What it gains there by itself.
+    ahead: f64,
 }
 
-/// An effect beside the base model, fitted from where it was in another scene.
-fn from(search: &Search<'_>, start: &Surroundings<'_>, effect: usize, fit: &Fit) -> Option<Refined> {
-    let fit = search.fitted_from(&[effect], &fit.point, &start.whitening, COMPARING, false)?;
-    let (freedom, score) = search.beyond(&[effect], &fit, &start.plain());
-    Some(Refined { effect, fit, freedom, score })
+impl There<'_> {
+    /// What the effects would change, and promise.
+    fn screened(&self) -> (Vec<Response>, Vec<Vec<Candidate>>) {
+        let responses = self.search.respond(self.model.about.as_ref().unwrap_or(&self.state));
+        let screened = self.search.screen(&self.state, &self.model.whitening, &responses);
+        (responses, screened)
+    }
+
+    /// The best of them, fitted.
+    fn refined(&self, (responses, screened): &(Vec<Response>, Vec<Vec<Candidate>>)) -> Option<Refined> {
+        let all = self.search.refine(&self.state, &self.model.whitening, screened, responses, &Field::open(0.0));
+        all.into_iter().next().map(|best| self.with_what_it_gains(best))
+    }
+
+    /// One of them, fitted from where it was at another width.
+    fn from(&self, effect: usize, fit: &Fit) -> Option<Refined> {
+        let effects = self.state.and(effect);
+        let fit = self.search.fitted_from(&effects, &fit.point, &self.model.whitening, COMPARING, false)?;
+        let (freedom, score) = self.search.beyond(&effects, &fit, &self.state);
+        Some(self.with_what_it_gains(Refined { effect, fit, freedom, score }))
+    }
+
+    fn with_what_it_gains(&self, refined: Refined) -> Refined {
+        Refined { score: refined.score + self.ahead, ..refined }
+    }
 }
 
 /// What an effect promises at a width, less what it costs.
@@ -134,23 +217,11 @@ struct Promise {
     value: f64,
 }
 
-/// The effects that promise more than they cost, those that promise most first.
-fn promises(search: &Search<'_>, width: f64, screened: &[Vec<Candidate>]) -> Vec<Promise> {
+/// The effects that promise more than they cost, those that promise most first; `ahead` is what the model gains there without them.
+fn promises(search: &Search<'_>, width: f64, ahead: f64, screened: &[Vec<Candidate>]) -> Vec<Promise> {
     let value = |c: &Candidate| c.gain - search.penalty(c.freedom as f64);
-    let all = screened.iter().map(|c| Promise { effect: c[0].effect, width, value: value(&c[0]) });
-    all.filter(|p| p.value > 0.0).collect()
-}
-
-/// The same search in another scene, over some of the effects.
-fn search<'s>(start: &'s Surroundings<'_>, scene: &'s Scene, open: Vec<usize>) -> Search<'s> {
-    Search { setting: Setting { scene, ..start.search.setting.clone() }, library: start.search.library, open, known: None }
-}
-
-/// What the effects of a search would change, and promise.
-fn screened(start: &Surroundings<'_>, search: &Search<'_>, state: &State) -> (Vec<Response>, Vec<Vec<Candidate>>) {
-    let responses = search.respond(&start.rough);
-    let screened = search.screen(state, &start.whitening, &responses);
-    (responses, screened)
+    let worth = screened.iter().map(|c| (c[0].effect, value(&c[0]))).filter(|(_, value)| *value > 0.0);
+    worth.map(|(effect, value)| Promise { effect, width, value: value + ahead }).collect()
 }
 
 /// The effects that promise most, and all dry frictions: of these none may promise anything where their wheels' standstill is

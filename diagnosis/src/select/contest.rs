@@ -104,7 +104,7 @@ impl<'a> Search<'a> {
     }
 
     /// A selection in the place of another, under the noise that it leaves.
-    fn renewed(&self, selected: &Selected, effects: Vec<usize>, fit: &Fit) -> Option<Selected> {
+    pub(super) fn renewed(&self, selected: &Selected, effects: Vec<usize>, fit: &Fit) -> Option<Selected> {
         let noise = self.noise_of(&effects, fit, &selected.whitening)?;
         let (whitening, fit) = self.under(&effects, fit, &noise, FINAL)?;
         let (_, base) = self.under(&[], &selected.base, &noise, COMPARING)?;

@@ -205,6 +205,11 @@ impl<'a> Search<'a> {
     ) -> Result<Selected, DiagnosisError> {
         let mut selected =
             Selected { base: base.fit.clone(), state: known.unwrap_or(base), whitening, rivals: Vec::new(), ranking: Vec::new() };
+        if self.fixed(&selected) > 0 {
+            // What a known effect does passed for noise beside the base model alone.
+            let renewed = self.renewed(&selected, selected.state.effects.clone(), &selected.state.fit);
+            selected = renewed.unwrap_or(selected);
+        }
         selected.rivals.resize(self.fixed(&selected), Vec::new());
         for depth in 0..MOST_PARTS {
             if self.full(&selected) {

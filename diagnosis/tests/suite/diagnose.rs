@@ -4,8 +4,8 @@
 use wheelwright_core::Dataset;
 use wheelwright_core::effect::Effect;
 use wheelwright_diagnosis::effects::{
-    Axis, CommandDelay, CommandOffset, CoulombFriction, CoulombFrictionOneWheel, EncoderQuantisation, LateralComOffset, PayloadChange,
-    QuadraticDrag, Ripple, SlewLimit, StribeckFriction, Wheel, WheelEccentricity,
+    Axis, CommandDelay, CommandOffset, CoulombFriction, CoulombFrictionOneWheel, DirectionAsymmetry, EncoderQuantisation, LateralComOffset,
+    PayloadChange, QuadraticDrag, Ripple, SlewLimit, StribeckFriction, Wheel, WheelEccentricity,
 };
 use wheelwright_diagnosis::{Diagnosis, DiagnosisError, Question, Verdict, diagnose};
 
@@ -164,6 +164,12 @@ fn stretches_of_two_samples_and_dead_channels_do_no_harm() {
     assert!(answer.is_ok_and(|d| d.fit.before.iter().all(|x| x.is_nan() || x.is_finite())));
 }
 
+/// The track that a diagnosis without one found and told.
+fn told_width(diagnosis: &Diagnosis) -> f64 {
+    let said = diagnosis.warnings.iter().find(|w| w.contains("track width is unknown")).unwrap();
+    said.split(" m, which fits them best").next().unwrap().rsplit(' ').next().unwrap().parse().unwrap()
+}
+
 /// Friction's kinks are where the wheels turn round, and only the right track puts them there.
 #[test]
 fn a_track_that_nobody_gave_is_found_by_what_acts_at_the_wheels() {
@@ -174,9 +180,8 @@ fn a_track_that_nobody_gave_is_found_by_what_acts_at_the_wheels() {
     assert_eq!(names(&diagnosis), ["coulomb_friction"], "{}", diagnosis.headline);
     let (low, high) = diagnosis.effects[0].parameters[0].ci95.unwrap();
     assert!(low < 0.05 && 0.05 < high, "{low} to {high}");
-    let said = diagnosis.warnings.iter().find(|w| w.contains("track width is unknown")).unwrap();
-    let width: f64 = said.split(" m, which fits them best").next().unwrap().rsplit(' ').next().unwrap().parse().unwrap();
-    assert!((width / 0.9 - 1.0).abs() < 0.04, "{said}");
+    let width = told_width(&diagnosis);
+    assert!((width / 0.9 - 1.0).abs() < 0.04, "{width}");
     // Where nothing acts at the wheels no track shows.
     let plain = record(82, 1200, true, &[], 0.0);
     let diagnosis = diagnose(&Question::new(&*model, &plain, &library)).unwrap();
@@ -194,9 +199,22 @@ fn a_narrow_track_is_found_by_a_friction_of_one_wheel() {
     library.extend([Wheel::Left, Wheel::Right].map(|wheel| Box::new(CoulombFrictionOneWheel { wheel: Some(wheel) }) as Box<dyn Effect>));
     let diagnosis = diagnose(&Question::new(&*model, &training, &library)).unwrap();
     assert_eq!(names(&diagnosis), ["coulomb_friction_one_wheel"], "{}", diagnosis.headline);
-    let said = diagnosis.warnings.iter().find(|w| w.contains("track width is unknown")).unwrap();
-    let width: f64 = said.split(" m, which fits them best").next().unwrap().rsplit(' ').next().unwrap().parse().unwrap();
-    assert!((width / 0.09 - 1.0).abs() < 0.06, "{said}");
+    let width = told_width(&diagnosis);
+    assert!((width / 0.09 - 1.0).abs() < 0.06, "{width}");
+}
+
+/// Beside what a delay leaves over, no friction of the wheels shows at any track.
+#[test]
+fn a_track_is_found_by_what_acts_at_the_wheels_beside_a_larger_misfit() {
+    let (delay, friction) = (CommandDelay::default(), DirectionAsymmetry::default());
+    let hidden: [(&dyn Effect, &[f64]); 2] = [(&delay, &[0.2]), (&friction, &[0.01, 0.03, 1.0])];
+    let training = record_on(1.0, 84, 1600, true, &hidden, 0.0);
+    let (model, mut library) = (model(), library());
+    library.push(Box::new(DirectionAsymmetry::default()));
+    let diagnosis = diagnose(&Question::new(&*model, &training, &library)).unwrap();
+    assert_eq!(names(&diagnosis), ["command_delay", "direction_asymmetry"], "{}", diagnosis.headline);
+    let width = told_width(&diagnosis);
+    assert!((width / 1.0 - 1.0).abs() < 0.06, "{width}");
 }
 
 #[test]

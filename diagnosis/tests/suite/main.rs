@@ -15,6 +15,7 @@ mod forward;
 mod heading;
 mod library;
 mod measurement;
+mod radii;
 mod recorded;
 mod rig;
 mod rivals;
