@@ -23,7 +23,7 @@ const SMALLEST_MISMATCH: f64 = 0.005;
 /// Least track error against a measured heading: contact patches have a width.
 const SMALLEST_TRACK: f64 = 0.01;
 /// Least track error against a profile whose track and radius a person measured to 2 %.
-const MEASURED_TRACK: f64 = 0.03;
+pub(crate) const MEASURED_TRACK: f64 = 0.03;
 /// Largest standard error, as a share, of a dimension that recorded rates tell: as well as a person measures it.
 const MEASURED: f64 = 0.02;
 /// Fewest seconds that are compared.

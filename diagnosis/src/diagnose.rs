@@ -89,12 +89,14 @@ pub fn diagnose(question: &Question<'_>) -> Result<Diagnosis, DiagnosisError> {
     }
     let mut story = other_readout(story, question, &data, about, radii.as_ref(), [&courses[5], &courses[6]])?;
     story.selected = story.search.unjittered(story.selected, &story.responses);
-    if let Some(wheels) = &mut shown {
-        let likelier = gauge::retold(question, &mut story, headings.as_deref(), &fitting[2], |elsewhere| elsewhere.likelier());
-        wheels.track_width = likelier.unwrap_or(wheels.track_width);
+    let mut likelier = None;
+    if shown.is_some() || question.track_width.is_some() {
+        likelier = gauge::retold(question, &mut story, headings.as_deref(), &fitting[2], |elsewhere| elsewhere.likelier());
+        shown.iter_mut().for_each(|wheels| wheels.track_width = likelier.unwrap_or(wheels.track_width));
     }
     let asked = gauge::retold(question, &mut story, headings.as_deref(), &fitting[3], |elsewhere| elsewhere.asked_for());
     warnings.extend(unknown_wheels(question, shown, asked));
+    warnings.extend(another_track(question, likelier));
     story.selected = story.search.modest(story.selected);
     story.selected = judged(question, &story.search, story.selected, &story.responses);
     let (selected, mut rests) = story.search.settled(story.selected);
@@ -152,6 +154,17 @@ fn unknown_wheels(question: &Question<'_>, shown: Option<Wheels>, asked: Option<
         ));
     }
     all
+}
+
+/// What is said where what goes round with the wheels shows another track than the profile's.
+fn another_track(question: &Question<'_>, likelier: Option<f64>) -> Option<String> {
+    let (given, likelier) = question.track_width.zip(likelier)?;
+    let off = digits(100.0 * (likelier / given - 1.0).abs());
+    let wider = if likelier > given { "wider" } else { "narrower" };
+    Some(format!(
+        "what goes round with the wheels keeps its phase if the track is {} m, {off} % {wider} than the profile's, which is taken; measure it again",
+        digits(likelier)
+    ))
 }
 
 /// Odometry that differences counts records means over the interval, which looks like a delay of half a sample, or hides in the model's own
@@ -378,11 +391,7 @@ fn come_round<'a>(story: Story<'a>, closer: &'a OnceCell<Scene>) -> Story<'a> {
     let mut responses: Vec<Response> = others.chain(about.iter().cloned()).collect();
     responses.sort_by_key(|r| r.effect);
     nearer.exchange(&mut selected, &responses, None);
-    // The other wheel as well.
-    if let Some(both) = nearer.joined(&selected, &about) {
-        selected = both;
-        nearer.exchange(&mut selected, &responses, None);
-    }
+    nearer.other_wheel(&mut selected, &about, &responses);
     Story { search: nearer, selected, responses, first, means }
 }
 

@@ -1,8 +1,9 @@
-//! The track width once something has been found, where no profile tells it: the likeliest near the one that it was found at, and the one that held-out
+//! The track width once something has been found: the likeliest near the one that it was found at, and, where no profile tells it, the one that held-out
 //! driving asks for where the training data leave it open.
 //!
-//! What goes round with the wheels knows the track better than any grid: over a hundred radians of turning a track that is 1 % off turns a wheel by
-//! some radians too much or too little.
+//! What goes round with the wheels knows the track better than any grid, and than a person who measured it: over a hundred radians of turning a track
+//! that is 1 % off turns a wheel by some radians too much or too little. So it is walked from width to width, each so near to the last that no wheel
+//! turns by more than a part of a radian, as long as that makes what was found likelier.
 //!
 //! A limit that the training data hardly reach, or a friction that no turn has shown, fits at many widths, each with another size of its own, and
 //! fails on other driving at all but one. So where an explanation misses held-out data decisively it is fitted again at the widths of a grid, and
@@ -11,11 +12,13 @@
 use std::cell::OnceCell;
 use std::f64::consts::SQRT_2;
 
-use wheelwright_core::effect::{Frame, Scene};
+use wheelwright_core::effect::{Frame, Scene, Track};
 
 use crate::answer::Story;
+use crate::beside::MEASURED_TRACK;
+use crate::diagnose::DECISIVE;
 use crate::fit::search::Fit;
-use crate::fit::setting::Setting;
+use crate::fit::setting::{Point, Setting};
 use crate::judge::Bench;
 use crate::question::Question;
 use crate::screen::Response;
@@ -24,6 +27,10 @@ use crate::track::{HALF_OCTAVES, highest};
 
 /// Logarithm of a width by which one that was found by what acts at the wheels may be off: the last sections of `track.rs` differ by so much.
 const OFF: f64 = 0.04;
+/// Angle \[rad\] by which a wheel stands elsewhere, at the ends of what was turned, from one width to the next.
+const NEXT: f64 = 0.5;
+/// Fewest and most widths to either side.
+const STEPS: (f64, f64) = (2.0, 16.0);
 
 /// Has the story told at another width, and returns that, if one is to be had; `kept` keeps its scene.
 pub(crate) fn retold<'a>(
@@ -31,14 +38,23 @@ pub(crate) fn retold<'a>(
     story: &mut Story<'a>,
     headings: Option<&[Vec<f64>]>,
     kept: &'a OnceCell<Scene>,
-    width: impl FnOnce(&Elsewhere<'_, 'a>) -> Option<f64>,
+    place: impl FnOnce(&Elsewhere<'_, 'a>) -> Option<Place>,
 ) -> Option<f64> {
     let Story { search, selected, responses, .. } = story;
     let elsewhere = Elsewhere::open(question, search, selected, headings)?;
-    let width = width(&elsewhere)?;
+    let place = place(&elsewhere)?;
+    let width = place.log.exp();
     let scene = kept.get_or_init(|| elsewhere.scene(width));
-    (*search, *selected) = elsewhere.told(scene, responses)?;
+    (*search, *selected) = elsewhere.told(scene, &place.fit, responses)?;
     Some(width)
+}
+
+/// The selection at another width.
+pub(crate) struct Place {
+    /// The width's logarithm.
+    log: f64,
+    fit: Fit,
+    likelihood: f64,
 }
 
 /// A selection at other widths.
@@ -50,32 +66,102 @@ pub(crate) struct Elsewhere<'s, 'a> {
 }
 
 impl<'s, 'a> Elsewhere<'s, 'a> {
-    /// Where the track is open, and something was found that it may matter to.
+    /// Where something was found that the track may matter to, and the search is not at its limit.
     fn open(question: &'s Question<'a>, search: &'s Search<'a>, selected: &'s Selected, headings: Option<&'s [Vec<f64>]>) -> Option<Self> {
         let Frame::Body { .. } = search.setting.scene.frame else { return None };
         let found = selected.state.effects.len() > search.fixed(selected);
-        let open = question.track_width.is_none() && found && !search.setting.exhausted();
-        open.then_some(Self { question, search, selected, headings })
+        (found && !search.setting.exhausted()).then_some(Self { question, search, selected, headings })
     }
 
-    /// The likeliest width near the one that it is told at, if there is a likelier one.
-    pub(crate) fn likelier(&self) -> Option<f64> {
-        let (setting, now) = (&self.search.setting, self.now());
-        let likelihood = |log: f64| self.fitted(&self.scene(log.exp())).map_or(f64::NEG_INFINITY, |fit| fit.likelihood(setting));
-        let (log, most) = highest(likelihood, now - OFF, now + OFF);
-        (most > self.selected.state.fit.likelihood(setting) + EXCHANGE).then(|| log.exp())
+    /// The likeliest width near the one that it is told at, if there is a likelier one. That of a profile is near enough for all but what goes round
+    /// with the wheels.
+    pub(crate) fn likelier(&self) -> Option<Place> {
+        let given = self.question.track_width.is_some();
+        if given && !self.round() {
+            return None;
+        }
+        let within = if given { MEASURED_TRACK } else { OFF };
+        let steps = (within / self.step()).ceil().clamp(STEPS.0, STEPS.1);
+        let step = within / steps;
+        let here = self.here();
+        let walked = [-step, step].map(|step| self.walked(&here, step, steps as usize));
+        let best = walked.into_iter().flatten().reduce(|a, b| if b.likelihood > a.likelihood { b } else { a });
+        let mut best = best.unwrap_or(here);
+        let (log, from) = (best.log, best.fit.point.clone());
+        let nearer = |log: f64| {
+            let Some(place) = self.place(log, &from) else { return f64::NEG_INFINITY };
+            let likelihood = place.likelihood;
+            if likelihood > best.likelihood {
+                best = place;
+            }
+            likelihood
+        };
+        highest(nearer, log - step, log + step);
+        (best.likelihood > self.here().likelihood + EXCHANGE).then_some(best)
+    }
+
+    /// The likeliest place on the way in one direction, which ends where it gets decisively worse.
+    fn walked(&self, here: &Place, step: f64, steps: usize) -> Option<Place> {
+        let (mut from, mut best, mut most) = (here.fit.point.clone(), None, here.likelihood);
+        for k in 1..=steps {
+            let place = self.place(here.log + step * k as f64, &from)?;
+            if place.likelihood < most - DECISIVE {
+                break;
+            }
+            from = place.fit.point.clone();
+            if place.likelihood > most {
+                most = place.likelihood;
+                best = Some(place);
+            }
+        }
+        best
+    }
+
+    /// Whether something was found that goes round with the wheels.
+    fn round(&self) -> bool {
+        let turning = self.search.turning();
+        self.selected.state.effects.iter().any(|member| turning.contains(member))
+    }
+
+    /// Difference of the logarithms of two widths at which no wheel stands much elsewhere.
+    fn step(&self) -> f64 {
+        let scene = self.search.setting.scene;
+        let Some(radius) = scene.wheel_radius.filter(|_| self.round()) else { return f64::INFINITY };
+        let turned = |track: &Track| {
+            let apart = track.distance[0].iter().zip(&track.distance[1]).map(|(left, right)| 0.5 * (right - left));
+            let (least, most) = apart.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), x| (a.min(x), b.max(x)));
+            most - least
+        };
+        NEXT * radius / scene.tracks.iter().map(turned).fold(0.0, f64::max)
+    }
+
+    /// Where it is told.
+    fn here(&self) -> Place {
+        let fit = self.selected.state.fit.clone();
+        Place { log: self.now(), likelihood: fit.likelihood(&self.search.setting), fit }
+    }
+
+    /// The selection at a width, from a point near by.
+    fn place(&self, log: f64, from: &Point) -> Option<Place> {
+        let scene = self.scene(log.exp());
+        let fit = self.fitted(&scene, from)?;
+        Some(Place { log, likelihood: fit.likelihood(&self.search.setting), fit })
     }
 
     /// The width that the held-out data decisively ask for, if there is such.
-    pub(crate) fn asked_for(&self) -> Option<f64> {
+    pub(crate) fn asked_for(&self) -> Option<Place> {
         let Self { question, search, selected, .. } = *self;
+        if question.track_width.is_some() {
+            return None;
+        }
         let bench = Bench::new(question, search, selected).filter(|bench| bench.missed(search, selected).is_some())?;
         let loss = |log: f64| self.loss(&bench, log.exp()).unwrap_or(f64::INFINITY);
         let (now, step) = (self.now(), SQRT_2.ln());
         let near =
             HALF_OCTAVES.iter().map(|k| now + f64::from(*k) * step).map(|log| (loss(log), log)).min_by(|a, b| a.0.total_cmp(&b.0))?;
         let (log, most) = highest(|log| -loss(log), near.1 - step, near.1 + step);
-        bench.decisive(-most, bench.loss(search, &selected.state)).then(|| log.exp())
+        let asked = bench.decisive(-most, bench.loss(search, &selected.state));
+        asked.then(|| self.place(log, &selected.state.fit.point)).flatten()
     }
 
     /// Logarithm of the width it is told at.
@@ -102,26 +188,30 @@ impl<'s, 'a> Elsewhere<'s, 'a> {
         let scene = self.scene(width);
         let search = self.search(&scene);
         let State { effects, fit: now } = &self.selected.state;
-        let fit = self.fitted(&scene)?;
+        let fit = self.fitted(&scene, &now.point)?;
         let cost = now.likelihood(&search.setting) - fit.likelihood(&search.setting);
         let state = State { effects: effects.clone(), fit };
         Some(bench.with_cost(bench.loss(&search, &state), cost.max(0.0)))
     }
 
     /// The fit of the selection in another scene.
-    fn fitted(&self, scene: &Scene) -> Option<Fit> {
+    fn fitted(&self, scene: &Scene, from: &Point) -> Option<Fit> {
         let Selected { state, whitening, .. } = self.selected;
-        self.search(scene).fitted_from(&state.effects, &state.fit.point, whitening, COMPARING, false)
+        self.search(scene).fitted_from(&state.effects, from, whitening, COMPARING, false)
     }
 
-    /// The selection in another scene, fitted to the end, its members contested there.
-    fn told(&self, scene: &'a Scene, first: &[Response]) -> Option<(Search<'a>, Selected)> {
+    /// The selection in another scene, fitted to the end, its members contested there; where one goes round with a wheel, the other wheel is
+    /// looked at again.
+    fn told(&self, scene: &'a Scene, there: &Fit, first: &[Response]) -> Option<(Search<'a>, Selected)> {
         let search = self.search(scene);
         let Selected { state: State { effects, .. }, whitening, base, rivals, ranking } = self.selected;
-        let (whitening, fit) = search.under(effects, &self.fitted(scene)?, &whitening.noise, FINAL)?;
+        let (whitening, fit) = search.under(effects, there, &whitening.noise, FINAL)?;
         let state = State { effects: effects.clone(), fit };
         let mut selected = Selected { state, whitening, base: base.clone(), rivals: rivals.clone(), ranking: ranking.clone() };
         search.exchange(&mut selected, first, None);
+        if self.round() {
+            search.other_wheel(&mut selected, &search.respond_of(&search.turning(), &self.selected.plain()), first);
+        }
         Some((search, selected))
     }
 }

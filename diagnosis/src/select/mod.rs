@@ -186,7 +186,15 @@ impl<'a> Search<'a> {
         self.round(selected, responses, SHARE).1
     }
 
-    /// The same with an effect of which the evidence may be a small share: the imperfect form of what was found, or one that is small beside it.
+    /// The selection, of which a member goes round with a wheel, with the other wheel's as well, if that holds its evidence beside it.
+    pub(crate) fn other_wheel(&self, selected: &mut Selected, about: &[Response], first: &[Response]) {
+        if let Some(both) = self.joined(selected, about) {
+            *selected = both;
+            self.exchange(selected, first, None);
+        }
+    }
+
+    /// The selection with an effect of which the evidence may be a small share: the imperfect form of what was found, or one that is small beside it.
     pub(crate) fn joined_by_little(&self, selected: &Selected, first: &[Response]) -> Option<Selected> {
         let more = self.round(selected, first, 0.0).1?;
         let mut rivals = selected.rivals.clone();

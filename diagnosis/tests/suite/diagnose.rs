@@ -272,11 +272,23 @@ fn wheels_that_are_not_round_tell_the_track_to_a_part_in_two_hundred() {
     let (model, library) = (model(), [Wheel::Left, Wheel::Right].map(one));
     let mut question = Question::new(&*model, &training, &library);
     question.held_out = Some(&held);
-    let diagnosis = diagnose(&question).unwrap();
-    assert_eq!((diagnosis.verdict, diagnosis.effects.len()), (Verdict::Explained, 2), "{} {:?}", diagnosis.headline, diagnosis.warnings);
-    let width = 2.0 * diagnosis.scene.frame.half_track();
-    assert!((width / TRACK - 1.0).abs() < 5e-3, "{width}");
-    assert!(diagnosis.effects.iter().all(|e| (e.parameters[2].value / radius - 1.0).abs() < 5e-3), "{}", diagnosis.headline);
+    // Neither without a profile nor with one whose track was measured badly.
+    for profile in [(None, None), (Some(1.015 * TRACK), Some(0.08))] {
+        (question.track_width, question.wheel_radius) = profile;
+        let diagnosis = diagnose(&question).unwrap();
+        assert_eq!(
+            (diagnosis.verdict, diagnosis.effects.len()),
+            (Verdict::Explained, 2),
+            "{} {:?}",
+            diagnosis.headline,
+            diagnosis.warnings
+        );
+        let width = 2.0 * diagnosis.scene.frame.half_track();
+        assert!((width / TRACK - 1.0).abs() < 5e-3, "{width}");
+        assert!(diagnosis.effects.iter().all(|e| (e.parameters[2].value / radius - 1.0).abs() < 5e-3), "{}", diagnosis.headline);
+        let contradicted = diagnosis.warnings.iter().any(|w| w.contains("narrower than the profile's"));
+        assert_eq!(contradicted, profile.0.is_some(), "{:?}", diagnosis.warnings);
+    }
 }
 
 /// Nobody knows where the wheel stood when either recording began, nor its radius to the part in a thousand that so many turns show.
