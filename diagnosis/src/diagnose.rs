@@ -21,7 +21,7 @@ use crate::noise::Noise;
 use crate::question::{DiagnosisError, Question};
 use crate::radius::{self, Wheels};
 use crate::screen::{Response, saturate};
-use crate::select::{COMPARING, EXCHANGE, FINAL, Search, Selected, State};
+use crate::select::{COMPARING, EXCHANGE, FINAL, Newest, Search, Selected, State};
 use crate::track;
 
 /// Fewest values a parameter that are needed for a noise model to mean anything.
@@ -352,7 +352,7 @@ fn in_line(mut story: Story<'_>) -> Story<'_> {
     for _ in 0..2 {
         let Some(joined) = story.search.joined(&story.selected, &about) else { break };
         story.selected = joined;
-        story.search.exchange(&mut story.selected, &story.responses, None);
+        story.search.exchange(&mut story.selected, &story.responses, Newest::Open);
     }
     story
 }
@@ -390,7 +390,7 @@ fn come_round<'a>(story: Story<'a>, closer: &'a OnceCell<Scene>) -> Story<'a> {
     let others = others.into_iter().filter(|r| !turning.contains(&r.effect));
     let mut responses: Vec<Response> = others.chain(about.iter().cloned()).collect();
     responses.sort_by_key(|r| r.effect);
-    nearer.exchange(&mut selected, &responses, None);
+    nearer.exchange(&mut selected, &responses, Newest::Open);
     nearer.other_wheel(&mut selected, &about, &responses);
     Story { search: nearer, selected, responses, first, means }
 }

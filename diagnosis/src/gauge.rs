@@ -22,7 +22,7 @@ use crate::fit::setting::{Point, Setting};
 use crate::judge::Bench;
 use crate::question::Question;
 use crate::screen::Response;
-use crate::select::{COMPARING, EXCHANGE, FINAL, Search, Selected, State};
+use crate::select::{COMPARING, EXCHANGE, FINAL, Newest, Search, Selected, State};
 use crate::track::{HALF_OCTAVES, highest};
 
 /// Logarithm of a width by which one that was found by what acts at the wheels may be off: the last sections of `track.rs` differ by so much.
@@ -208,7 +208,7 @@ impl<'s, 'a> Elsewhere<'s, 'a> {
         let (whitening, fit) = search.under(effects, there, &whitening.noise, FINAL)?;
         let state = State { effects: effects.clone(), fit };
         let mut selected = Selected { state, whitening, base: base.clone(), rivals: rivals.clone(), ranking: ranking.clone() };
-        search.exchange(&mut selected, first, None);
+        search.exchange(&mut selected, first, Newest::Open);
         if self.round() {
             search.other_wheel(&mut selected, &search.respond_of(&search.turning(), &self.selected.plain()), first);
         }

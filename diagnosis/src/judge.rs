@@ -24,7 +24,7 @@ use crate::noise::Noise;
 use crate::question::Question;
 use crate::residuals::Series;
 use crate::screen::Response;
-use crate::select::{FINAL, Rival, SHARE, Search, Selected, State};
+use crate::select::{FINAL, Newest, Rival, SHARE, Search, Selected, State};
 
 /// Share of a rival's held-out excess that a better explanation may leave: the same half by which an explanation has to close it.
 const CLOSED: f64 = 0.5;
@@ -35,12 +35,12 @@ pub(crate) fn judged(question: &Question<'_>, search: &Search<'_>, mut selected:
     let Some(bench) = Bench::new(question, search, &selected) else { return selected };
     while let Some(fewer) = bench.fewer(search, &selected) {
         selected = fewer;
-        search.exchange(&mut selected, first, None);
+        search.exchange(&mut selected, first, Newest::Open);
     }
     selected = exchanged(&bench, search, selected);
     while let Some(fewer) = bench.borne_out(search, &selected) {
         selected = fewer;
-        search.exchange(&mut selected, first, None);
+        search.exchange(&mut selected, first, Newest::Open);
         selected = exchanged(&bench, search, selected);
     }
     while let Some(more) = bench.further(search, &selected, first) {

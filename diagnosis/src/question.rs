@@ -7,8 +7,8 @@ use wheelwright_core::profile::Limits;
 use wheelwright_core::solver::SolveError;
 use wheelwright_core::{Dataset, RegressorModel};
 
-/// Steps that a search may take unless told otherwise: about five seconds of a processor.
-const MOST_STEPS: u64 = 50_000_000;
+/// Steps that a search may take unless told otherwise: about ten seconds of a processor.
+const MOST_STEPS: u64 = 100_000_000;
 
 /// A recording, a model to hold against it, and what is known besides.
 #[derive(Debug, Clone)]

@@ -8,6 +8,19 @@ use crate::fit::setting::Setting;
 use crate::race::{Field, Refined, distinct};
 use crate::screen::{Candidate, Response};
 
+/// Whether the rivals of the newest member are to be sought.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Newest {
+    /// They are known, as long as nothing else changes.
+    Seen,
+    Open,
+}
+
+/// The rivals of so many members, of which those of the last are known.
+pub(super) fn of_the_last(members: usize, rivals: Vec<Rival>) -> Vec<Vec<Rival>> {
+    std::iter::repeat_n(Vec::new(), members - 1).chain([rivals]).collect()
+}
+
 impl<'a> Search<'a> {
     /// The selection with what comes to mind of its members last, if it explains markedly more, and the members contested beside it.
     pub(super) fn think_over(&self, selected: &mut Selected, first: &[Response]) {
@@ -19,18 +32,18 @@ impl<'a> Search<'a> {
         }
         let Some(other) = self.renewed(selected, state.effects.clone(), &fit) else { return };
         *selected = other;
-        self.exchange(selected, first, None);
+        self.exchange(selected, first, Newest::Open);
     }
 
     /// The members after another has joined, each contested by what could stand in its place. For the newest that has just been seen; but what
     /// was seen for the first was seen beside a base model that bends to what is missing.
     pub(super) fn contest(&self, selected: &mut Selected, first: &[Response]) {
         let before = selected.state.effects.clone();
-        let seen = selected.rivals.pop();
+        let seen = selected.rivals.last().cloned();
         if before.len() > self.fixed(selected) + 1 {
-            return self.exchange(selected, first, seen);
+            return self.exchange(selected, first, Newest::Seen);
         }
-        self.exchange(selected, first, None);
+        self.exchange(selected, first, Newest::Open);
         let Some(rivals) = selected.rivals.last_mut().filter(|_| selected.state.effects == before) else { return };
         // No look at a rival is worth more than another: the one counts in which it comes nearer.
         for rival in seen.into_iter().flatten() {
@@ -43,18 +56,23 @@ impl<'a> Search<'a> {
     }
 
     /// Drops each member in turn and takes the best replacement if it gains; keeps the others as rivals. Those of the newest member need not be
-    /// sought if they are known, as long as nothing else changes.
-    pub(crate) fn exchange(&self, selected: &mut Selected, first: &[Response], mut newest: Option<Vec<Rival>>) {
+    /// sought if they are known, as long as nothing else changes. Where the search ends at its limit those stay that were known before.
+    pub(crate) fn exchange(&self, selected: &mut Selected, first: &[Response], mut newest: Newest) {
         let fixed = self.fixed(selected);
         let mut member = fixed;
         let mut exchanged = 0;
-        selected.rivals = vec![Vec::new(); fixed];
+        if selected.rivals.len() != selected.state.effects.len() {
+            selected.rivals = vec![Vec::new(); selected.state.effects.len()];
+        }
         while member < selected.state.effects.len() && !self.setting.exhausted() {
-            if let Some(rivals) = newest.take_if(|_| member + 1 == selected.state.effects.len()) {
-                selected.rivals.push(rivals);
+            if newest == Newest::Seen && member + 1 == selected.state.effects.len() {
                 break;
             }
             let (rest, refined) = self.replacements(selected, member, first);
+            // A contest that was cut short says less than the one before it.
+            if self.setting.exhausted() && !selected.rivals[member].is_empty() {
+                break;
+            }
             let present = self.present(selected, &rest, member);
             let before = rest.fit.likelihood(&self.setting);
             let scores = self.scores(&refined, std::slice::from_ref(&present), before);
@@ -62,19 +80,22 @@ impl<'a> Search<'a> {
             let better = refined.first().filter(|b| b.score > present.score + EXCHANGE);
             let simpler = || refined.iter().find(|candidate| self.no_more(&present, candidate, before));
             let better = better.or_else(simpler).filter(|_| exchanged < MOST);
-            let replaced = better.and_then(|best| self.renewed(selected, rest.and(best.effect), &best.fit));
+            let replaced = better.and_then(|best| {
+                let next = self.renewed(selected, rest.and(best.effect), &best.fit)?;
+                let others: Vec<Refined> = refined.iter().chain([&present]).cloned().collect();
+                Some(Selected { rivals: of_the_last(next.state.effects.len(), self.beside(&rest, &others, best)), ..next })
+            });
             exchanged += usize::from(replaced.is_some());
             if let Some(next) = replaced.or_else(|| self.pruned(selected, &rest, present.score)) {
                 *selected = next;
-                selected.rivals = vec![Vec::new(); fixed];
-                newest = None;
+                selected.rivals.resize(selected.state.effects.len(), Vec::new());
+                newest = Newest::Open;
                 member = fixed;
                 continue;
             }
-            selected.rivals.push(self.beside(&rest, &refined, &present));
+            selected.rivals[member] = self.beside(&rest, &refined, &present);
             member += 1;
         }
-        selected.rivals.resize(selected.state.effects.len(), Vec::new());
     }
 
     /// The model without a member, and what could take its place.
@@ -175,7 +196,7 @@ impl<'a> Search<'a> {
             return selected;
         };
         let mut evened = Selected { state: State { effects: state.effects.clone(), fit }, whitening, base, ..selected };
-        self.exchange(&mut evened, first, None);
+        self.exchange(&mut evened, first, Newest::Open);
         evened
     }
 }

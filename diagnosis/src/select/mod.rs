@@ -13,6 +13,8 @@ mod settle;
 
 use wheelwright_core::effect::{Effect, EffectParameter};
 
+pub(crate) use self::contest::Newest;
+use self::contest::of_the_last;
 use crate::diagnose::Known;
 use crate::fit::algebra::Directions;
 use crate::fit::search::{Effort, Fit};
@@ -190,16 +192,16 @@ impl<'a> Search<'a> {
     pub(crate) fn other_wheel(&self, selected: &mut Selected, about: &[Response], first: &[Response]) {
         if let Some(both) = self.joined(selected, about) {
             *selected = both;
-            self.exchange(selected, first, None);
+            self.exchange(selected, first, Newest::Open);
         }
     }
 
     /// The selection with an effect of which the evidence may be a small share: the imperfect form of what was found, or one that is small beside it.
     pub(crate) fn joined_by_little(&self, selected: &Selected, first: &[Response]) -> Option<Selected> {
-        let more = self.round(selected, first, 0.0).1?;
+        let mut more = self.round(selected, first, 0.0).1?;
         let mut rivals = selected.rivals.clone();
         rivals.resize(selected.state.effects.len(), Vec::new());
-        rivals.extend(more.rivals);
+        rivals.extend(more.rivals.pop());
         Some(Selected { rivals, ..more })
     }
 
@@ -288,10 +290,10 @@ impl<'a> Search<'a> {
         let explained = likelihood(&with) - likelihood(&base) - gain;
         let matters = score >= share * explained || self.sizeable(&base, &without, &with, &noise);
         (score > 0.0 && matters).then(|| Selected {
+            rivals: of_the_last(effects.len(), self.beside(&selected.state, refined, candidate)),
             state: State { effects, fit: with },
             whitening,
             base,
-            rivals: vec![self.beside(&selected.state, refined, candidate)],
             ranking: selected.ranking.clone(),
         })
     }
