@@ -200,3 +200,38 @@ impl<'a> Search<'a> {
         evened
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::effects::{ActuatorLag, CommandDelay, SensorDelay};
+    use crate::fixture::{Case, with_selected};
+    use wheelwright_core::effect::Effect;
+
+    #[test]
+    fn rivals_that_were_known_stay_where_the_search_is_at_its_limit() {
+        let mut case = Case::clean(6);
+        for stretch in &mut case.data.stretches {
+            stretch.outputs.iter_mut().for_each(|y| y.rotate_right(2));
+        }
+        let library: Vec<Box<dyn Effect>> = vec![
+            Box::new(CommandDelay::default()),
+            Box::new(SensorDelay::default()),
+            Box::new(ActuatorLag::default()),
+            Box::new(CommandDelay { each_axis: true }),
+        ];
+        with_selected(&case, &library, 1, |search, mut selected| {
+            let responses = search.respond(&selected.plain());
+            search.exchange(&mut selected, &responses, Newest::Open);
+            let known = |selected: &Selected| selected.rivals.iter().flatten().map(|rival| rival.effect).collect::<Vec<_>>();
+            let before = (selected.state.effects.clone(), known(&selected));
+            assert!(before.1.len() > 1, "{before:?}");
+            // At the limit already, and there after one more run.
+            for beyond in [1, 0] {
+                search.setting.work.set(search.setting.most_steps + beyond);
+                search.exchange(&mut selected, &responses, Newest::Open);
+                assert_eq!((selected.state.effects.clone(), known(&selected)), before);
+            }
+        });
+    }
+}
