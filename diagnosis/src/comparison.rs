@@ -27,6 +27,8 @@ pub struct Comparison<'a> {
     pub without: &'a [Channels],
     /// When the first of the effects begins that begin during the recording \[s\].
     pub since: Option<f64>,
+    /// By how much commands were found to come late \[s\]: one time for all inputs, one each, or none.
+    pub late: &'a [f64],
     /// Whitened measured − `model`, of unit variance, a stretch each.
     pub white: &'a [Channels],
     /// Whitens a series of an output within a stretch, as `white` was.

@@ -114,6 +114,7 @@ impl Case {
             model: &self.truth,
             without: without.unwrap_or(&self.truth),
             since: None,
+            late: &[],
             white: &white,
             whiten: &whiten,
             noise: &self.noise,

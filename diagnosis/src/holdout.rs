@@ -5,7 +5,7 @@ use wheelwright_core::model::RegressorModel;
 use wheelwright_core::simulation::Readout;
 use wheelwright_core::{Dataset, Stretch};
 
-use crate::adequacy::{Jitter, slope};
+use crate::adequacy::Jitter;
 use crate::decide::LEFT_OVER;
 use crate::noise::{HUBER, Noise};
 use crate::residuals::Series;
@@ -183,7 +183,7 @@ fn each_output(data: &Dataset, simulated: &Series, noise: &[f64], jitter: Option
         let stretch = |(stretch, run): (&Stretch, &Vec<Vec<f64>>)| {
             let errors = stretch.outputs[c].iter().zip(&run[c]).map(|(y, s)| (y - s) / noise);
             of(match jitter {
-                Some(jitter) => errors.zip(slope(&stretch.time, &run[c])).map(|(x, d)| x / jitter.scatter(d, *noise)).collect(),
+                Some(jitter) => errors.zip(jitter.slope(&stretch.time, &run[c])).map(|(x, d)| x / jitter.scatter(d, *noise)).collect(),
                 None => errors.collect(),
             })
         };
@@ -286,6 +286,7 @@ pub(crate) fn shifted(data: &Dataset, by: f64) -> Dataset {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::adequacy::Scatter;
     use crate::fit::layout::Layout;
     use crate::fixture::{Case, NOISE, normal};
 
@@ -357,7 +358,7 @@ mod tests {
 
     #[test]
     fn stamps_that_jitter_scatter_more_where_more_changes() {
-        let jitter = Jitter { deviation: 0.03, error: 0.0, z: 0.0, still: 1.0 };
+        let jitter = Jitter { of: Scatter::Stamps, deviation: 0.03, error: 0.0, z: 0.0, still: 1.0 };
         let case = Case::new(7, |_, i, y, slope, random| y + NOISE[i] * normal(random) + jitter.deviation * slope * normal(random));
         let of = |jitter| loss(&case.data, &case.truth, &NOISE, jitter);
         let calm = Case::clean(7);

@@ -6,11 +6,11 @@ use std::ops::Range;
 use wheelwright_core::effect::{Effect, Scene, Stage, Start};
 
 use crate::answer::always;
-use crate::fit::search::{Effort, Fit, OPTIMISM, OUT_OF_REACH, evaluate, linearise, maximise};
+use crate::fit::search::{Effort, Fit, OPTIMISM, OUT_OF_REACH, evaluate, join, maximise};
 use crate::fit::setting::{COARSE_ERROR, Point, Runner};
 use crate::fit::whitening::Whitening;
 use crate::screen::{Candidate, Projection, Response};
-use crate::select::{EXCHANGE, SHARE, Search, Selected, State};
+use crate::select::{EXCHANGE, SHARE, Search, Selected, State, Unbent};
 
 /// Effects that enter the race after screening. Of the 95 effects that came out first or within a toss of a coin of it, over 58 development
 /// cases of two engines, none had stood lower than tenth (loops aside, which always enter).
@@ -85,7 +85,7 @@ pub(crate) struct Field<'f> {
     /// Steps, and effects that go on after them.
     rounds: [(usize, usize); 2],
     /// The model's unknowns as they are beside an effect whose place is contested: without it they bend to what it did.
-    unbent: Option<&'f [f64]>,
+    unbent: Option<&'f Unbent>,
     /// What the member gains whose place is contested.
     gain: f64,
     /// What the model explains that is joined.
@@ -99,7 +99,7 @@ impl<'f> Field<'f> {
     }
 
     /// For the place of a member that gains so much, with the other unknowns as they are beside it.
-    pub(crate) const fn contest(unbent: &'f [f64], gain: f64, explained: f64) -> Self {
+    pub(crate) const fn contest(unbent: &'f Unbent, gain: f64, explained: f64) -> Self {
         Self { entrants: CONTESTANTS, rounds: CONTEST, unbent: Some(unbent), gain, explained }
     }
 
@@ -340,34 +340,43 @@ impl<'a> Search<'a> {
         }
         // The model bends its parameters to what the effect does; where they are otherwise known they may be nearer to the truth.
         let rough = self.setting.rough.as_deref().filter(|_| state.effects.is_empty() && !responses[candidates[0].response].start.linear);
-        let unbent = field.unbent.or(rough).and_then(|z| {
+        let unbent = field.unbent.map(|unbent| &unbent.x[..]).or(rough).and_then(|z| {
             let every = candidates.len().div_ceil(UNBENT);
             let tried = candidates.iter().step_by(every).filter_map(|c| at(beside(z, c)));
             tried.reduce(|a, b| if b.value > a.value { b } else { a })
         });
-        let mut entered: Vec<Racing<'s, 'a>> = bold.into_iter().chain(gentle).collect();
-        for racing in &mut entered {
-            // The model's own columns are those it had without the effect until a step disappoints.
-            racing.fit.columns = state.fit.columns.clone();
-            let (own, all) = (racing.fit.columns.len(), racing.fit.point.x.len());
-            linearise(&mut racing.runner, whitening, &mut racing.fit, own..all);
-        }
-        entered.extend(unbent);
-        entered
+        // The model's own columns are those it had without the effect, or beside the one whose place this is, until a step disappoints.
+        let near = bold.into_iter().chain(gentle).map(|racing| (racing, Some(&state.fit.columns)));
+        let far = unbent.map(|racing| (racing, field.unbent.map(|unbent| &unbent.columns)));
+        let with_columns = |(mut racing, known): (Racing<'s, 'a>, Option<&Vec<Vec<f64>>>)| {
+            if let Some(known) = known {
+                join(&mut racing.runner, whitening, &mut racing.fit, known);
+            }
+            racing
+        };
+        near.chain(far).map(with_columns).collect()
     }
 
     /// An effect in the place of a member, from the best of some values and from where the other unknowns are.
-    pub(crate) fn placed(&self, effect: usize, starts: Vec<Vec<f64>>, z: &[f64], selected: &Selected, rest: &State) -> Option<Refined> {
+    pub(crate) fn placed(
+        &self,
+        effect: usize,
+        starts: Vec<Vec<f64>>,
+        unbent: &Unbent,
+        selected: &Selected,
+        rest: &State,
+    ) -> Option<Refined> {
         let whitening = &selected.whitening;
         let indices = rest.and(effect);
         let from = |values: Vec<f64>| {
-            let point = Point { x: [z, &values[..]].concat(), starts: selected.state.fit.point.starts.clone() };
+            let point = Point { x: [&unbent.x[..], &values[..]].concat(), starts: selected.state.fit.point.starts.clone() };
             let mut runner = self.runner(&indices, &point)?;
             Some((evaluate(&self.setting, &mut runner, whitening, &point)?, runner))
         };
         let likelihood = |fit: &Fit| fit.likelihood(&self.setting);
-        let (fit, mut runner) =
+        let (mut fit, mut runner) =
             starts.into_iter().filter_map(from).reduce(|a, b| if likelihood(&b.0) > likelihood(&a.0) { b } else { a })?;
+        join(&mut runner, whitening, &mut fit, &unbent.columns);
         let fit = maximise(&self.setting, &mut runner, whitening, fit, RANKING, false);
         let (freedom, score) = self.beyond(&indices, &fit, rest);
         Some(Refined { effect, fit, freedom, score })

@@ -5,7 +5,7 @@ use wheelwright_core::effect::Scene;
 use wheelwright_core::model::ModelError;
 use wheelwright_core::simulation::linear_part;
 
-use super::{Adequacy, examine, memory, structure};
+use super::{Adequacy, Scatter, examine, memory, structure};
 use crate::comparison::{Channels, Comparison};
 use crate::finding::Location;
 use crate::locate::locate;
@@ -17,6 +17,8 @@ pub struct Explained<'a> {
     pub without: &'a Series,
     /// When the first of them begins that begin during the recording \[s\].
     pub since: Option<f64>,
+    /// By how much they let commands come late \[s\]: one time for all inputs, one each, or none.
+    pub late: Vec<f64>,
     /// Twice the log-likelihood that they gained on the base model.
     pub gain: f64,
 }
@@ -61,6 +63,7 @@ pub fn review(residuals: &Residuals<'_>, scene: &Scene, explained: &Explained<'_
         model: &residuals.last,
         without: explained.without,
         since: explained.since,
+        late: &explained.late,
         white: &white,
         whiten: &whiten,
         noise: &noise.deviation,
@@ -105,7 +108,9 @@ fn flags(found: &Adequacy, comparison: &Comparison<'_>, explained: f64) -> Vec<F
         flag("wheel-order line", line.power, 0.0, share(line.power), None);
     }
     if let Some(jitter) = &found.jitter {
-        flag("variance against acceleration", jitter.z, 0.0, None, Some(("timestamp_jitter".to_owned(), vec![jitter.deviation])));
+        // Messages that are late by chance are late, which has a name already.
+        let effect = (jitter.of == Scatter::Stamps).then(|| ("timestamp_jitter".to_owned(), vec![jitter.deviation]));
+        flag("variance against acceleration", jitter.z, 0.0, None, effect);
     }
     for lattice in &found.lattices {
         let variance = (lattice.quantum / comparison.noise[lattice.output]).powi(2) / 12.0;

@@ -16,12 +16,23 @@ const CUT: f64 = 9.0;
 const COVERED: f64 = 0.1;
 
 /// Standard errors by which noise must grow: their square is the evidence that a parameter must have to be searched for (ln N + 2 ln 50).
-const SURE: f64 = 4.0;
+pub(super) const SURE: f64 = 4.0;
 
-/// Stamps that jitter.
+/// What is off by a time of its own.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Scatter {
+    /// Each sample's stamp.
+    Stamps,
+    /// Each message's arrival, and so all samples until the next one.
+    Messages,
+}
+
+/// Times that scatter.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Jitter {
-    /// Standard deviation of the stamps \[s\].
+    /// Of what.
+    pub of: Scatter,
+    /// Their standard deviation \[s\].
     pub deviation: f64,
     /// Standard error of it \[s\].
     pub error: f64,
@@ -35,7 +46,7 @@ pub(super) fn find(comparison: &Comparison<'_>) -> Option<Jitter> {
     let (mut squares, mut slopes) = (Vec::new(), Vec::new());
     let (mut products, mut pairs) = (Vec::new(), Vec::new());
     for output in 0..comparison.outputs() {
-        let plain = slopes_of(comparison, output);
+        let plain = slopes_of(comparison, output, 0.0);
         let noise = comparison.noise[output];
         let stretches = 0..comparison.data.stretches.len();
         let residual: Vec<f64> = stretches.flat_map(|s| comparison.left(s, output).map(|left| left / noise)).collect();
@@ -66,6 +77,7 @@ pub(super) fn find(comparison: &Comparison<'_>) -> Option<Jitter> {
     // Jitter is at home where an output changes fast, which may be seldom: what it makes counts where it makes it.
     let seen = variance * slopes.iter().map(|s| s * s).sum::<f64>() > COVERED * slopes.iter().sum::<f64>();
     (variance > SURE * error && chance && orderly && seen).then(|| Jitter {
+        of: Scatter::Stamps,
         deviation: variance.sqrt(),
         error: error / (2.0 * variance.sqrt()),
         z: combined,
@@ -74,17 +86,17 @@ pub(super) fn find(comparison: &Comparison<'_>) -> Option<Jitter> {
 }
 
 /// A variance a + b x of residuals.
-struct Growth {
+pub(super) struct Growth {
     /// a.
-    still: f64,
+    pub(super) still: f64,
     /// b.
-    variance: f64,
+    pub(super) variance: f64,
     /// Standard error of b.
-    error: f64,
+    pub(super) error: f64,
 }
 
 /// Weighted regression of squares on slopes: variance a + b x has errors proportional to itself.
-fn growth(squares: &[f64], slopes: &[f64]) -> Option<Growth> {
+pub(super) fn growth(squares: &[f64], slopes: &[f64]) -> Option<Growth> {
     // As if half of the variance were jitter's: under equal weights the few samples at which an output jumps decide.
     let (mut a, mut b, mut error) = (1.0, slopes.len() as f64 / slopes.iter().sum::<f64>().max(f64::MIN_POSITIVE), f64::INFINITY);
     for _ in 0..20 {
@@ -135,6 +147,15 @@ impl Jitter {
         (self.still + self.share(slope, noise)).sqrt()
     }
 
+    /// Slope of a series as far as times are off: what an arrival that is off by more than a sample moves is the way to there.
+    pub(crate) fn slope(&self, time: &[f64], series: &[f64]) -> Vec<f64> {
+        slope_within(time, series, self.reach())
+    }
+
+    fn reach(&self) -> f64 {
+        if self.of == Scatter::Messages { self.deviation } else { 0.0 }
+    }
+
     /// Variance that jitter makes of a value that changes at a rate, as a share of the noise's.
     fn share(&self, slope: f64, noise: f64) -> f64 {
         (self.deviation / noise).powi(2) * slope * slope
@@ -148,17 +169,24 @@ impl Jitter {
     /// Factor of each row of an output that brings its innovation back to the size it has without jitter.
     pub(super) fn weights(&self, comparison: &Comparison<'_>, output: usize) -> Vec<f64> {
         let noise = comparison.noise[output];
-        slopes_of(comparison, output).iter().map(|d| 1.0 / (1.0 + self.share(*d, noise)).sqrt()).collect()
+        slopes_of(comparison, output, self.reach()).iter().map(|d| 1.0 / (1.0 + self.share(*d, noise)).sqrt()).collect()
     }
 }
 
-/// Slope of the simulated output, by central differences within stretches.
-fn slopes_of(comparison: &Comparison<'_>, output: usize) -> Vec<f64> {
-    let mut all = Vec::new();
-    for (stretch, run) in comparison.data.stretches.iter().zip(comparison.model) {
-        all.extend(super::slope(&stretch.time, &run[output]));
-    }
-    all
+/// Slope of the simulated output within stretches, as far to either side as times may be off.
+pub(super) fn slopes_of(comparison: &Comparison<'_>, output: usize, reach: f64) -> Vec<f64> {
+    let stretches = comparison.data.stretches.iter().zip(comparison.model);
+    stretches.flat_map(|(stretch, run)| slope_within(&stretch.time, &run[output], reach)).collect()
+}
+
+/// Slope of a series by differences over so much time to either side, and at least to the next samples.
+fn slope_within(time: &[f64], series: &[f64], reach: f64) -> Vec<f64> {
+    let of = |(k, t): (usize, &f64)| {
+        let a = time.partition_point(|other| *other < t - reach).min(k.saturating_sub(1));
+        let b = (time.partition_point(|other| *other <= t + reach) - 1).max((k + 1).min(time.len() - 1));
+        if time[b] > time[a] { (series[b] - series[a]) / (time[b] - time[a]) } else { 0.0 }
+    };
+    time.iter().enumerate().map(of).collect()
 }
 
 fn correlation(a: &[f64], b: &[f64]) -> f64 {

@@ -6,6 +6,7 @@ mod bursts;
 mod events;
 mod flags;
 mod jitter;
+mod latency;
 mod lattice;
 mod memory;
 mod orders;
@@ -15,7 +16,7 @@ pub mod structure;
 pub use bursts::Burst;
 pub use events::Events;
 pub use flags::{Explained, review};
-pub use jitter::Jitter;
+pub use jitter::{Jitter, Scatter};
 pub use lattice::{Counts, Lattice};
 pub use memory::Memory;
 pub use orders::OrderLine;
@@ -45,7 +46,7 @@ pub struct Adequacy {
     pub memory: Option<Memory>,
     /// What returns with a wheel's turn.
     pub order: Option<OrderLine>,
-    /// Noise that grows with acceleration.
+    /// Noise that grows with acceleration: of stamps that jitter, or of messages each of which comes late by a time of its own.
     pub jitter: Option<Jitter>,
     /// Outputs that are multiples of a quantum.
     pub lattices: Vec<Lattice>,
@@ -55,7 +56,7 @@ pub struct Adequacy {
 
 /// Runs the tests. The same seed gives the same answer.
 pub fn examine(comparison: &Comparison<'_>, seed: u64) -> Adequacy {
-    let (jitter, lattices) = (jitter::find(comparison), lattice::find(comparison));
+    let (jitter, lattices) = (scatter(comparison), lattice::find(comparison));
     Adequacy {
         structure: structure::measure(comparison, jitter.as_ref()),
         bursts: bursts::find(comparison, seed, jitter.as_ref()),
@@ -110,7 +111,11 @@ impl Adequacy {
             all.push(format!("something returns {order:.2} times per turn of the {side} wheel and {kind}"));
         }
         if let Some(jitter) = &self.jitter {
-            all.push(format!("the noise grows with acceleration as if stamps jittered by {:.1} ms", 1e3 * jitter.deviation));
+            let size = 1e3 * jitter.deviation;
+            all.push(match jitter.of {
+                Scatter::Stamps => format!("the noise grows with acceleration as if stamps jittered by {size:.1} ms"),
+                Scatter::Messages => format!("each command comes late by a time of its own, that scatters by {size:.0} ms about the mean"),
+            });
         }
         for lattice in &self.lattices {
             let unit = &comparison.data.outputs[lattice.output].unit;
@@ -123,9 +128,14 @@ impl Adequacy {
     }
 }
 
-/// Whether stamps jitter, and then what is asked of that.
+/// Stamps that jitter, or else latencies that scatter.
+fn scatter(comparison: &Comparison<'_>) -> Option<Jitter> {
+    jitter::find(comparison).or_else(|| latency::find(comparison))
+}
+
+/// Whether times scatter, and then what is asked of that.
 pub(crate) fn jittered<T>(comparison: &Comparison<'_>, ask: impl FnOnce(Jitter, &Comparison<'_>) -> T) -> Option<T> {
-    jitter::find(comparison).map(|found| ask(found, comparison))
+    scatter(comparison).map(|found| ask(found, comparison))
 }
 
 /// Whether the wheels' speeds come in whole counts.
@@ -139,6 +149,7 @@ pub(crate) fn whitened<T>(
     scene: &Scene,
     run: &[Channels],
     left: Vec<Channels>,
+    late: &[f64],
     noise: &Noise,
     ask: impl FnOnce(&Comparison<'_>) -> T,
 ) -> T {
@@ -151,6 +162,7 @@ pub(crate) fn whitened<T>(
         model: run,
         without: run,
         since: None,
+        late,
         white: &white,
         whiten: &|_, _| (),
         noise: &noise.deviation,

@@ -19,7 +19,7 @@ use wheelwright_core::Effect;
 use wheelwright_core::effect::{Confusion, EffectParameter, Estimate, Instant, Motion, Scene, Stage, Start};
 
 use super::force;
-use super::words::{quantity, smooth_sign};
+use super::words::{length, quantity, smooth_sign};
 
 /// What kind of castor drags.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
@@ -282,10 +282,10 @@ impl Effect for CastorDrag {
         };
         let (x, y) = (state[0], state[1]);
         let (x, y) = (kept * x + turned * (-a * x + (b - c) * y), kept * y + turned * ((b + c) * x + a * y));
-        let length = x.hypot(y);
-        if length > 0.0 && length.is_finite() {
-            state[0] = x / length;
-            state[1] = y / length;
+        let size = length([x, y]);
+        if size > 0.0 && size.is_finite() {
+            state[0] = x / size;
+            state[1] = y / size;
         }
     }
 }

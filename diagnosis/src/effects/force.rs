@@ -5,7 +5,7 @@ use std::fmt;
 use serde::{Deserialize, Serialize};
 use wheelwright_core::effect::{EffectParameter, Estimate, Frame, Instant, Motion, Scene, Start};
 
-use super::words::{KINK, percent, quantity, smooth_sign};
+use super::words::{KINK, length, percent, quantity, smooth_sign};
 
 /// One of the two wheels, or all wheels of one side.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
@@ -161,7 +161,7 @@ pub(super) fn slides(scene: &Scene, outputs: &[f64], [drag, distance]: [f64; 2],
     let [v, w] = scene.frame.body(outputs);
     let sideways = distance * w;
     // A smooth direction, as the sign of other frictions.
-    let slide = v.hypot(sideways).hypot(KINK * scene.scales.speed);
+    let slide = length([v, sideways, KINK * scene.scales.speed]);
     let turn = ratio.copied().unwrap_or(1.0) / (h * h) * drag * distance * sideways / slide;
     scene.frame.add_at_body([drag * v / slide, turn], load);
 }
@@ -177,7 +177,7 @@ pub(super) fn at_contacts(
     law: impl Fn(usize, f64, f64) -> f64,
 ) {
     let scene = at.scene;
-    let sign = |speed: f64, typical: f64| comes_up_by.map_or_else(|| smooth_sign(speed, typical), |by| speed / speed.hypot(by));
+    let sign = |speed: f64, typical: f64| comes_up_by.map_or_else(|| smooth_sign(speed, typical), |by| speed / length([speed, by]));
     if scene.frame.has_wheels() {
         let typical = scene.scales.speed;
         let forces = scene.frame.wheels(outputs).map(|s| law(0, s, sign(s, typical)));

@@ -20,7 +20,7 @@ use wheelwright_core::Effect;
 use wheelwright_core::effect::{Confusion, EffectParameter, Estimate, Frame, Instant, Motion, Scene, Stage, Start};
 
 use super::force;
-use super::words::{KINK, digits, quantity, scaled};
+use super::words::{KINK, digits, length, quantity, scaled};
 
 /// Lever over half the track beyond which the patches' friction is spent in every turn.
 const DRY: f64 = 30.0;
@@ -203,7 +203,7 @@ impl Effect for TurningScrub {
         let (frame, &[moment, uneven, transfer, grip]) = (at.scene.frame, p) else { return };
         let ([forward, turn], [th1, th2], [v, w]) = (frame.body(drive), force::inertia(&frame, motion), frame.body(motion.outputs));
         let faster = forward / th1;
-        let carried = (1.0 - (uneven + v * w.abs() / grip - transfer * faster).hypot(EVEN)).max(0.0);
+        let carried = (1.0 - length([uneven + v * w.abs() / grip - transfer * faster, EVEN])).max(0.0);
         let across = moment * (carried.powi(2) - (faster / grip).powi(2)).max(LEFT * LEFT).sqrt();
         // What is held comes to rest within a step, whose length is known from its middle on.
         let step = if at.span > 0.0 { 2.0 * at.span } else { at.scene.scales.period };

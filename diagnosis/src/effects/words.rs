@@ -47,3 +47,8 @@ pub(super) const KINK: f64 = 0.008;
 pub(super) fn smooth_sign(speed: f64, typical: f64) -> f64 {
     (speed / (KINK * typical)).tanh()
 }
+
+/// The length of a vector. A free run is over long before a square overflows, so nothing is scaled first as `hypot` does.
+pub(super) fn length<const N: usize>(parts: [f64; N]) -> f64 {
+    parts.into_iter().map(|x| x * x).sum::<f64>().sqrt()
+}

@@ -56,6 +56,11 @@ pub(crate) struct Fit {
 }
 
 impl Fit {
+    /// A column as far as it is known: an empty one is simulated by the next search.
+    pub(crate) fn column(&self, unknown: usize) -> Vec<f64> {
+        self.columns.get(unknown).cloned().unwrap_or_default()
+    }
+
     /// Twice the log-likelihood up to a constant.
     pub(crate) fn likelihood(&self, setting: &Setting<'_>) -> f64 {
         likelihood(&self.squares, setting.layout.counted()) - self.unusual
@@ -159,6 +164,12 @@ pub(crate) fn linearise(runner: &mut Runner<'_, '_>, whitening: &Whitening, fit:
         whitening.apply(&mut column);
         fit.columns[j] = column;
     }
+}
+
+/// Gives a fit the columns of a model that it has joined, as they were there, and simulates those that are its own.
+pub(crate) fn join(runner: &mut Runner<'_, '_>, whitening: &Whitening, fit: &mut Fit, known: &[Vec<f64>]) {
+    fit.columns = known.to_vec();
+    linearise(runner, whitening, fit, known.len()..fit.point.x.len());
 }
 
 /// The search from a fit whose columns may be those of somewhere near. Returns the best point; its columns are exact if `exact`.

@@ -1,8 +1,12 @@
 //! Each member's place is contested: another effect may explain more in it, or none may be needed there.
 
+use wheelwright_core::effect::Stage;
+
+use super::look::Look;
 use super::{COMPARING, EXCHANGE, FINAL, MOST, Rival, SHARE, Search, Selected, State};
 use crate::adequacy::{Jitter, OrderLine, counted, jittered, lined, whitened};
 use crate::comparison::Comparison;
+use crate::fit::Fitted;
 use crate::fit::search::{Fit, left};
 use crate::fit::setting::Setting;
 use crate::race::{Field, Refined, distinct};
@@ -64,7 +68,7 @@ impl<'a> Search<'a> {
         if selected.rivals.len() != selected.state.effects.len() {
             selected.rivals = vec![Vec::new(); selected.state.effects.len()];
         }
-        while member < selected.state.effects.len() && !self.setting.exhausted() {
+        while member < selected.state.effects.len() && !self.setting.contested() {
             if newest == Newest::Seen && member + 1 == selected.state.effects.len() {
                 break;
             }
@@ -103,7 +107,7 @@ impl<'a> Search<'a> {
         let base = || selected.plain();
         let Some(rest) = self.without(selected, member) else { return (base(), Vec::new()) };
         let dropped = selected.state.effects[member];
-        let responses = self.responses_beside(&rest, selected, first);
+        let responses = self.responses_beside(&rest, selected, first, Look::Close);
         let screened = self.screen(&rest, &selected.whitening, &responses);
         let others: Vec<Vec<Candidate>> = screened.into_iter().filter(|c| c[0].effect != dropped).collect();
         let unbent = self.unbent(&selected.state, member);
@@ -172,12 +176,19 @@ impl<'a> Search<'a> {
         self.asked(selected, |comparison| jittered(comparison, ask))
     }
 
+    /// By how much a model lets commands come late.
+    pub(crate) fn late(&self, state: &State) -> Vec<f64> {
+        let Fitted { effects, values, .. } = self.fitted(state);
+        let late = effects.iter().zip(values).find(|(effect, _)| effect.stage() == Stage::Transport);
+        late.map_or_else(Vec::new, |(_, values)| values)
+    }
+
     /// Asks a test that looks at the whitened rest of a selection's free run.
     fn asked<T>(&self, selected: &Selected, test: impl FnOnce(&Comparison<'_>) -> T) -> T {
         let Setting { data, scene, layout, .. } = &self.setting;
         let simulated = &selected.state.fit.simulated;
         let rest = layout.series(&left(&self.setting, simulated));
-        whitened(data, scene, &layout.series(simulated), rest, &selected.whitening.noise, test)
+        whitened(data, scene, &layout.series(simulated), rest, &self.late(&selected.state), &selected.whitening.noise, test)
     }
 
     /// The selection, contested again under noise that is louder where the robot accelerates, if stamps jitter: there scatter makes evidence
@@ -203,6 +214,8 @@ impl<'a> Search<'a> {
 
 #[cfg(test)]
 mod tests {
+    use std::cell::Cell;
+
     use super::*;
     use crate::effects::{ActuatorLag, CommandDelay, SensorDelay};
     use crate::fixture::{Case, with_selected};
@@ -226,11 +239,14 @@ mod tests {
             let known = |selected: &Selected| selected.rivals.iter().flatten().map(|rival| rival.effect).collect::<Vec<_>>();
             let before = (selected.state.effects.clone(), known(&selected));
             assert!(before.1.len() > 1, "{before:?}");
-            // At the limit already, and there after one more run.
-            for beyond in [1, 0] {
-                search.setting.work.set(search.setting.most_steps + beyond);
-                search.exchange(&mut selected, &responses, Newest::Open);
+            // Where contests have had their share of the limit, and where it cuts one short.
+            let Search { setting, library, open, known: beside } = search;
+            for work in [7, 6] {
+                let setting = Setting { most_steps: 10, work: Cell::new(work), ..setting.clone() };
+                let limited = Search { setting, library, open: open.clone(), known: *beside };
+                limited.exchange(&mut selected, &responses, Newest::Open);
                 assert_eq!((selected.state.effects.clone(), known(&selected)), before);
+                assert_eq!(limited.setting.exhausted(), work == 6);
             }
         });
     }

@@ -1,6 +1,6 @@
 //! The model again: with fewer effects, from elsewhere, or under another noise.
 
-use super::{COMPARING, FINAL, Search, Selected, State, TOLD};
+use super::{COMPARING, FINAL, Search, Selected, State, TOLD, Unbent};
 use crate::fit::Fitted;
 use crate::fit::algebra::Directions;
 use crate::fit::base::renew;
@@ -94,14 +94,16 @@ impl<'a> Search<'a> {
         let point = Point { x, starts: state.fit.point.starts.clone() };
         let mut runner = self.runner(&effects, &point)?;
         let mut fit = evaluate(&self.setting, &mut runner, &selected.whitening, &point)?;
-        fit.columns = unknowns.iter().map(|j| state.fit.columns[*j].clone()).collect();
+        fit.columns = unknowns.iter().map(|j| state.fit.column(*j)).collect();
         let fit = maximise(&self.setting, &mut runner, &selected.whitening, fit, COMPARING, true);
         Some(State { effects, fit })
     }
 
     /// The model's unknowns as they are beside one of its effects.
-    pub(super) fn unbent(&self, state: &State, member: usize) -> Vec<f64> {
-        self.unknowns(state, &|i| i != member).map(|j| state.fit.point.x[j]).collect()
+    pub(super) fn unbent(&self, state: &State, member: usize) -> Unbent {
+        let Fit { point, .. } = &state.fit;
+        let (x, columns) = self.unknowns(state, &|i| i != member).map(|j| (point.x[j], state.fit.column(j))).unzip();
+        Unbent { x, columns }
     }
 
     /// Indices of the unknowns of a model that stay if some of its effects do.
