@@ -4,9 +4,10 @@
 //!
 //! Of a `dropped` one a cell fails, or a second one is switched on: U' = (1 − D) U from some time on.
 //!
-//! A `loaded` one has a resistance of its own and gives way to the current that it is asked for as well: U' = (1 − k (t − t0) − r P) U. By the balance
-//! of power the current is P = Σ U_w e_w/2c² over the wheels, e_w what drives a wheel's motor against its back-EMF and c a typical command: r is lost
-//! where such a command meets a wheel that stands.
+//! A `loaded` one has a resistance of its own and gives way to what the motors draw as well: U' = (1 − k (t − t0) − L) U. They draw currents that are
+//! in proportion to e_w, what drives a wheel's motor against its back-EMF, and less of them at the voltage that is left: L = r I / (1 − r + r J), with
+//! I = Σ |e_w|/2c, J = Σ max(U_w sgn e_w, 0)/2c, U_w what a wheel's motor is asked for and c a typical command: r is lost where such a command meets
+//! wheels that stand. (A chopping driver takes only its duty of a motor's current from the supply, which is all of it where it matters most.)
 //!
 //! With `servo` it is the gain of the speed loops that weakens, and not what they are told alone: the drive loses that share of u − β x, x what
 //! the robot does and β their feedback, 1 or somewhat less.
@@ -73,12 +74,17 @@ impl BatterySag {
     }
 }
 
-/// P: the power that both wheels ask for, in terms of what they ask for where a typical command meets wheels that stand.
-fn power(at: &Instant<'_>, motion: &Motion<'_>, drive: &[f64]) -> f64 {
+/// L: what is lost to the currents that both wheels' motors draw. Of a wheel that is slowed down the whole current counts.
+fn under_load(share: f64, held: f64, at: &Instant<'_>, motion: &Motion<'_>, drive: &[f64]) -> f64 {
     let frame = at.scene.frame;
-    let asked = frame.wheels(motion.u);
-    let against = if matches!(frame, Frame::Body { .. }) { force::asked(&frame, motion, 1.0, 1.0) } else { frame.wheels(drive) };
-    0.5 * (asked[0] * against[0] + asked[1] * against[1]) / at.scene.scales.command.powi(2)
+    let told = |axis: usize| motion.u[axis] - held * motion.outputs[axis];
+    let asked = frame.wheels(&[told(0), told(1)]);
+    let commanded = held == 0.0 && matches!(frame, Frame::Body { .. });
+    let against = if commanded { force::asked(&frame, motion, 1.0, 1.0) } else { frame.wheels(drive) };
+    let mean = |of: &dyn Fn(usize) -> f64| 0.5 * (of(0) + of(1)) / at.scene.scales.command;
+    let current = mean(&|wheel| against[wheel].abs());
+    let relieved = mean(&|wheel| (asked[wheel] * against[wheel].signum()).max(0.0));
+    share * current / (1.0 - share + share * relieved).max(f64::MIN_POSITIVE)
 }
 
 #[typetag::serde(name = "battery_sag")]
@@ -217,12 +223,12 @@ impl Effect for BatterySag {
     }
 
     fn drive(&self, p: &[f64], at: &Instant<'_>, motion: &Motion<'_>, _state: &[f64], drive: &mut [f64]) {
+        let held = if self.servo { p[p.len() - 1] } else { 0.0 };
         let lost = match (self.drives(), self.law) {
             (false, _) => return,
-            (true, SagLaw::Loaded) => (p[0] * power(at, motion, drive) + self.lost(&p[1..], at)).min(1.0 - LEFT),
+            (true, SagLaw::Loaded) => (under_load(p[0], held, at, motion, drive) + self.lost(&p[1..], at)).min(1.0 - LEFT),
             (true, _) => self.lost(p, at),
         };
-        let held = if self.servo { p[p.len() - 1] } else { 0.0 };
         drive.iter_mut().zip(motion.u.iter().zip(motion.outputs)).for_each(|(drive, (u, x))| *drive -= lost * (u - held * x));
     }
 }

@@ -401,17 +401,24 @@ fn a_push_that_lags_makes_the_loop_of_second_order() {
     }
 }
 
-/// The power that is asked for is what the wheels are told times what they lack.
+/// Currents are what drives the motors over their resistance, and the same voltage that is lost to them no longer drives them: V = V0 − R Σ|i|.
 #[test]
-fn a_supply_with_a_resistance_gives_way_to_power() {
+fn a_supply_with_a_resistance_gives_way_to_what_the_motors_draw() {
     let rig = body();
     let (r, k, fed) = (0.1, 0.008, 0.9);
     let typical = rig.scene().scales.command;
+    // A typical command at wheels that stand: both motors draw all that is left, and lose r.
+    let resistance = r / (1.0 - r) / (2.0 * typical);
     for servo in [false, true] {
         let values = if servo { vec![r, k, fed] } else { vec![r, k] };
         let error = rig.error(&BatterySag { servo, law: SagLaw::Loaded }, &values, rig.start, &[], |t, u, x| {
-            let power: f64 = [0, 1].map(|i| wheels(u)[i] * (wheels(u)[i] - wheels(x)[i])).iter().sum();
-            let left = 1.0 - k * (t - rig.stretch().time[0]) - r * power / (2.0 * typical * typical);
+            let asked = wheels(if servo { [u[0] - fed * x[0], u[1] - fed * x[1]] } else { u });
+            let [a, b] = (rig.base)(u, x);
+            let full = if servo { wheels([0.26 * a, 0.19 * b]) } else { [0, 1].map(|i| wheels(u)[i] - wheels(x)[i]) };
+            // What flows at a voltage, and so which voltage it leaves, until they agree. What brakes is not relieved.
+            let drawn =
+                |left: f64| -> f64 { [0, 1].map(|i| full[i].abs() - (1.0 - left) * (asked[i] * full[i].signum()).max(0.0)).iter().sum() };
+            let left = (0..60).fold(1.0, |left, _| 1.0 - resistance * drawn(left)) - k * (t - rig.stretch().time[0]);
             let pulls = |i: usize| if servo { fed * x[i] + left * (u[i] - fed * x[i]) } else { left * u[i] };
             (rig.base)([pulls(0), pulls(1)], x)
         });
