@@ -106,7 +106,7 @@ pub fn diagnose(question: &Question<'_>) -> Result<Diagnosis, DiagnosisError> {
         story.selected = wider;
     }
     story.search.twinned(&mut story.selected, &rests);
-    if story.search.setting.stopped() {
+    if story.search.setting.exhausted() {
         warnings.push(STOPPED.to_owned());
     }
     tell(question, story, &rests, track, warnings)
@@ -278,7 +278,6 @@ pub(crate) fn setting<'a>(question: &Question<'a>, data: &'a Dataset, scene: &'a
         substeps: 1,
         tolerance: 0.0,
         work: Cell::new(0),
-        cut: Cell::new(false),
         most_steps: question.most_steps,
         layout,
     }

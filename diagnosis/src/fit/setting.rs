@@ -26,8 +26,6 @@ const COARSE: usize = 4;
 pub(crate) const COARSE_ERROR: f64 = 1.0 / 6.0;
 /// Most steps between samples of a fit that counts.
 const MOST_SUBSTEPS: usize = 16;
-/// Parts of the limit, and of how many, after which no member is contested any more: what nobody has looked at yet has the rest.
-const CONTESTS: (u64, u64) = (3, 5);
 
 /// Data, model and what all fits share.
 #[derive(Debug, Clone)]
@@ -54,8 +52,6 @@ pub(crate) struct Setting<'a> {
     pub(crate) tolerance: f64,
     /// Steps of the model and of each effect that all free runs together have taken.
     pub(crate) work: Cell<u64>,
-    /// Whether a contest was left out for it.
-    pub(crate) cut: Cell<bool>,
     /// The most that they may take.
     pub(crate) most_steps: u64,
 }
@@ -77,18 +73,6 @@ impl<'a> Setting<'a> {
     /// Whether the search has had its share of simulation.
     pub(crate) fn exhausted(&self) -> bool {
         self.work.get() > self.most_steps
-    }
-
-    /// Whether contests have had theirs of it, and may go on no further.
-    pub(crate) fn contested(&self) -> bool {
-        let over = self.work.get() > self.most_steps / CONTESTS.1 * CONTESTS.0;
-        self.cut.set(self.cut.get() || over);
-        over
-    }
-
-    /// Whether anything was left out for the limit.
-    pub(crate) fn stopped(&self) -> bool {
-        self.exhausted() || self.cut.get()
     }
 
     /// Rates \[1/s\] at which the outputs of the model at these parameters change by themselves; none where it cannot be evaluated.

@@ -40,7 +40,6 @@ fn fitted<T>(case: &Case, f: impl FnOnce(&Setting<'_>, &Whitening, &Fit) -> T) -
         substeps: 1,
         tolerance: 0.0,
         work: std::cell::Cell::new(0),
-        cut: std::cell::Cell::new(false),
         most_steps: u64::MAX,
         layout,
     };

@@ -2,7 +2,6 @@
 
 use wheelwright_core::effect::Stage;
 
-use super::look::Look;
 use super::{COMPARING, EXCHANGE, FINAL, MOST, Rival, SHARE, Search, Selected, State};
 use crate::adequacy::{Jitter, OrderLine, counted, jittered, lined, whitened};
 use crate::comparison::Comparison;
@@ -68,7 +67,7 @@ impl<'a> Search<'a> {
         if selected.rivals.len() != selected.state.effects.len() {
             selected.rivals = vec![Vec::new(); selected.state.effects.len()];
         }
-        while member < selected.state.effects.len() && !self.setting.contested() {
+        while member < selected.state.effects.len() && !self.setting.exhausted() {
             if newest == Newest::Seen && member + 1 == selected.state.effects.len() {
                 break;
             }
@@ -107,7 +106,7 @@ impl<'a> Search<'a> {
         let base = || selected.plain();
         let Some(rest) = self.without(selected, member) else { return (base(), Vec::new()) };
         let dropped = selected.state.effects[member];
-        let responses = self.responses_beside(&rest, selected, first, Look::Close);
+        let responses = self.responses_beside(&rest, selected, first);
         let screened = self.screen(&rest, &selected.whitening, &responses);
         let others: Vec<Vec<Candidate>> = screened.into_iter().filter(|c| c[0].effect != dropped).collect();
         let unbent = self.unbent(&selected.state, member);
@@ -214,8 +213,6 @@ impl<'a> Search<'a> {
 
 #[cfg(test)]
 mod tests {
-    use std::cell::Cell;
-
     use super::*;
     use crate::effects::{ActuatorLag, CommandDelay, SensorDelay};
     use crate::fixture::{Case, with_selected};
@@ -239,14 +236,11 @@ mod tests {
             let known = |selected: &Selected| selected.rivals.iter().flatten().map(|rival| rival.effect).collect::<Vec<_>>();
             let before = (selected.state.effects.clone(), known(&selected));
             assert!(before.1.len() > 1, "{before:?}");
-            // Where contests have had their share of the limit, and where it cuts one short.
-            let Search { setting, library, open, known: beside } = search;
-            for work in [7, 6] {
-                let setting = Setting { most_steps: 10, work: Cell::new(work), ..setting.clone() };
-                let limited = Search { setting, library, open: open.clone(), known: *beside };
-                limited.exchange(&mut selected, &responses, Newest::Open);
+            // At the limit already, and there after one more run.
+            for beyond in [1, 0] {
+                search.setting.work.set(search.setting.most_steps + beyond);
+                search.exchange(&mut selected, &responses, Newest::Open);
                 assert_eq!((selected.state.effects.clone(), known(&selected)), before);
-                assert_eq!(limited.setting.exhausted(), work == 6);
             }
         });
     }

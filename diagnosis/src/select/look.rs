@@ -4,33 +4,10 @@ use std::borrow::Cow;
 
 use wheelwright_core::effect::{Effect, Stage, Start};
 
-use super::{RESIMULATED, SHARE, Search, Selected, State};
-use crate::fit::layout::Layout;
+use super::{RESIMULATED, Search, Selected, State};
 use crate::fit::whitening::Whitening;
-use crate::noise::Noise;
 use crate::race::even;
 use crate::screen::{Candidate, Current, Projected, Projection, Response, responses, responses_at};
-
-/// How closely to look at what effects change beside a model.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Look {
-    /// Every cause once, in its plain form.
-    Passing,
-    /// What was promising, from several starts as well.
-    Close,
-}
-
-impl Look {
-    /// As closely as there is something to see: where a model leaves hardly more than what was left over of everything that any effect could do, less
-    /// than what a further one has to add to what is explained, no shape of one has more to give. What is left counts as it is and as it is
-    /// whitened: slow misfit passes for noise that has a colour.
-    pub(super) fn at(left: &Noise, least: &Noise, explained: f64, layout: &Layout) -> Self {
-        let more = |(left, least): (&f64, &f64)| 2.0 * layout.counted() as f64 * (left / least).ln().max(0.0);
-        let of = |left: &[f64], least: &[f64]| left.iter().zip(least).map(more).sum::<f64>();
-        let more = of(&left.innovation, &least.innovation).max(of(&left.deviation, &least.deviation));
-        if more < SHARE * explained { Self::Passing } else { Self::Close }
-    }
-}
 
 impl<'a> Search<'a> {
     /// Raw responses of all effects that may join a model.
@@ -57,24 +34,16 @@ impl<'a> Search<'a> {
     }
 
     /// Responses about a model, of which `first` are those about the base model.
-    pub(super) fn responses_beside<'r>(
-        &self,
-        state: &State,
-        selected: &Selected,
-        first: &'r [Response],
-        look: Look,
-    ) -> Cow<'r, [Response]> {
+    pub(super) fn responses_beside<'r>(&self, state: &State, selected: &Selected, first: &'r [Response]) -> Cow<'r, [Response]> {
         match state.effects.is_empty() {
             true => Cow::Borrowed(first),
-            false => Cow::Owned(self.respond_again(state, selected, first, look)),
+            false => Cow::Owned(self.respond_again(state, &selected.whitening, first, &selected.ranking)),
         }
     }
 
     /// Responses about a model with effects. Those about the base model say which effects and starts are worth a look; these are
     /// simulated anew beside the effects that the model has.
-    fn respond_again(&self, state: &State, selected: &Selected, first: &[Response], look: Look) -> Vec<Response> {
-        let Selected { whitening, ranking, .. } = selected;
-        let places = if look == Look::Close { RESIMULATED.0 } else { 0 };
+    fn respond_again(&self, state: &State, whitening: &Whitening, first: &[Response], ranking: &[(usize, f64)]) -> Vec<Response> {
         let effects = self.effects(&state.effects);
         let screened = self.screen(state, whitening, first);
         let current = Current::new(&self.setting, &effects, &state.fit);
@@ -96,9 +65,9 @@ impl<'a> Search<'a> {
         // Nor does it of what has to do with what was found: what had evidence by itself is among them too.
         let open = |c: &&Vec<Candidate>| !always(c);
         let alone = ranking.iter().filter(|(_, score)| *score > 0.0).filter_map(|(i, _)| screened.iter().find(|c| c[0].effect == *i));
-        let alone: Vec<_> = alone.filter(open).filter(self.few()).take(places / 2).collect();
+        let alone: Vec<_> = alone.filter(open).filter(self.few()).take(RESIMULATED.0 / 2).collect();
         let others = |c: &&Vec<Candidate>| open(c) && alone.iter().all(|a| a[0].effect != c[0].effect);
-        let beside = screened.iter().filter(others).filter(self.few()).take(places - alone.len());
+        let beside = screened.iter().filter(others).filter(self.few()).take(RESIMULATED.0 - alone.len());
         let looked_at: Vec<_> = alone.iter().copied().chain(beside).collect();
         // Of every other cause at least the plain form gets a look: what hides in what was found may have promised nothing before.
         let left = |c: &&Vec<Candidate>| open(c) && self.plain(c[0].effect) && looked_at.iter().all(|l| l[0].effect != c[0].effect);
@@ -155,50 +124,6 @@ fn apart<'s>(starts: impl Iterator<Item = &'s Start> + Clone, places: usize) -> 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::effects::{CoulombFriction, GainAsymmetry, QuadraticDrag, TurningScrub};
-    use crate::fixture::{Case, with_selected};
-
-    #[test]
-    fn what_leaves_no_more_than_everything_would_gets_a_passing_look() {
-        let case = Case::clean(7);
-        let layout = Layout::of(&case.data, &case.scene);
-        let values = 2.0 * layout.counted() as f64;
-        // A thousandth more of each output comes to 2 · values / 1000 of twice the log-likelihood; what is less than the least is no more of it.
-        let more = 2e-3 * values * 0.5;
-        let noise = |innovation: [f64; 2], deviation: [f64; 2]| {
-            let mut noise = Noise::white(&deviation, &layout);
-            noise.innovation = innovation.into();
-            noise
-        };
-        let at =
-            |innovation, deviation, explained| Look::at(&noise(innovation, deviation), &noise([1.0, 1.0], [1.0, 1.0]), explained, &layout);
-        let (none, some) = ([1.0, 0.9], [1.001, 0.9]);
-        for (innovation, deviation) in [(none, some), (some, none)] {
-            assert_eq!(at(innovation, deviation, 0.9 * more / SHARE), Look::Close);
-            assert_eq!(at(innovation, deviation, 1.1 * more / SHARE), Look::Passing);
-        }
-        assert_eq!(at([1.0, 1.0], [1.0, 1.0], 0.0), Look::Close, "nothing was explained yet");
-    }
-
-    #[test]
-    fn a_passing_look_sees_every_cause_once() {
-        let library: Vec<Box<dyn Effect>> = vec![
-            Box::new(CoulombFriction::default()),
-            Box::new(QuadraticDrag::default()),
-            Box::new(TurningScrub::default()),
-            Box::new(GainAsymmetry::default()),
-        ];
-        with_selected(&Case::clean(8), &library, 1, |search, selected| {
-            let first = search.respond(&selected.plain());
-            let seen = |look| {
-                let again = search.responses_beside(&selected.state, &selected, &first, look);
-                (1..library.len()).map(|i| again.iter().filter(|r| r.effect == i).count()).collect::<Vec<_>>()
-            };
-            assert_eq!(seen(Look::Passing), [1, 1, 1]);
-            let close = seen(Look::Close);
-            assert!(close.iter().all(|n| *n >= 1) && close.iter().any(|n| *n > 1), "{close:?}");
-        });
-    }
 
     #[test]
     fn starts_that_get_a_second_look_differ_in_all_that_is_varied() {

@@ -15,7 +15,6 @@ use wheelwright_core::effect::{Effect, EffectParameter};
 
 pub(crate) use self::contest::Newest;
 use self::contest::of_the_last;
-use self::look::Look;
 use crate::diagnose::Known;
 use crate::fit::algebra::Directions;
 use crate::fit::search::{Effort, Fit};
@@ -192,7 +191,7 @@ impl<'a> Search<'a> {
 
     /// The selection with the best of some effects, if any holds its evidence beside it.
     pub(crate) fn joined(&self, selected: &Selected, responses: &[Response]) -> Option<Selected> {
-        self.round(selected, responses, SHARE, Look::Close).1
+        self.round(selected, responses, SHARE).1
     }
 
     /// The selection, of which a member goes round with a wheel, with the other wheel's as well, if that holds its evidence beside it.
@@ -205,7 +204,7 @@ impl<'a> Search<'a> {
 
     /// The selection with an effect of which the evidence may be a small share: the imperfect form of what was found, or one that is small beside it.
     pub(crate) fn joined_by_little(&self, selected: &Selected, first: &[Response]) -> Option<Selected> {
-        let mut more = self.round(selected, first, 0.0, Look::Close).1?;
+        let mut more = self.round(selected, first, 0.0).1?;
         let mut rivals = selected.rivals.clone();
         rivals.resize(selected.state.effects.len(), Vec::new());
         rivals.extend(more.rivals.pop());
@@ -220,7 +219,6 @@ impl<'a> Search<'a> {
         whitening: Whitening,
         first: &[Response],
     ) -> Result<Selected, DiagnosisError> {
-        let least = whitening.noise.clone();
         let mut selected =
             Selected { base: base.fit.clone(), state: known.unwrap_or(base), whitening, rivals: Vec::new(), ranking: Vec::new() };
         if self.fixed(&selected) > 0 {
@@ -233,9 +231,7 @@ impl<'a> Search<'a> {
             if self.full(&selected) {
                 break;
             }
-            let explained = selected.gained(&self.setting, &selected.state.fit);
-            let look = Look::at(&selected.whitening.noise, &least, explained, &self.setting.layout);
-            let (ranking, mut joined) = self.round(&selected, first, SHARE, look);
+            let (ranking, mut joined) = self.round(&selected, first, SHARE);
             if depth == 0 {
                 selected.ranking = ranking;
             }
@@ -252,8 +248,8 @@ impl<'a> Search<'a> {
 
     /// What every effect is worth beside a model, and the model with the best that holds its evidence under the noise it leaves: a
     /// candidate that loses it makes room for the next. `share` is the least one of what the model explains that it has to add.
-    fn round(&self, selected: &Selected, first: &[Response], share: f64, look: Look) -> (Vec<(usize, f64)>, Option<Selected>) {
-        let responses = self.responses_beside(&selected.state, selected, first, look);
+    fn round(&self, selected: &Selected, first: &[Response], share: f64) -> (Vec<(usize, f64)>, Option<Selected>) {
+        let responses = self.responses_beside(&selected.state, selected, first);
         let screened = self.screen(&selected.state, &selected.whitening, &responses);
         let field = Field::open(share / SHARE * selected.gained(&self.setting, &selected.state.fit));
         let refined = self.refine(&selected.state, &selected.whitening, &screened, &responses, &field);
