@@ -4,10 +4,10 @@
 //!
 //! Of a `dropped` one a cell fails, or a second one is switched on: U' = (1 − D) U from some time on.
 //!
-//! A `loaded` one has a resistance of its own and gives way to what the motors draw as well: U' = (1 − k (t − t0) − L) U. They draw currents that are
-//! in proportion to e_w, what drives a wheel's motor against its back-EMF, and less of them at the voltage that is left: L = r I / (1 − r + r J), with
-//! I = Σ |e_w|/2c, J = Σ max(U_w sgn e_w, 0)/2c, U_w what a wheel's motor is asked for and c a typical command: r is lost where such a command meets
-//! wheels that stand. (A chopping driver takes only its duty of a motor's current from the supply, which is all of it where it matters most.)
+//! A `loaded` one has a resistance of its own and gives way to what the motors draw as well: U' = (s − k (t − t0)) U. Their currents are in proportion
+//! to what the voltage that is left drives them with against their back-EMF: (1 − r) (1 − s) = r Σ |s U_w − b_w|/2c over the wheels, U_w what a wheel's
+//! motor is asked for, U_w − b_w what would drive it at full voltage, and c a typical command: r is lost where such a command meets wheels that
+//! stand. (A chopping driver takes only its duty of a motor's current from the supply, which is all of it where it matters most.)
 //!
 //! With `servo` it is the gain of the speed loops that weakens, and not what they are told alone: the drive loses that share of u − β x, x what
 //! the robot does and β their feedback, 1 or somewhat less.
@@ -55,6 +55,8 @@ const TOLD: (f64, f64) = (0.02, 2.0);
 /// Share by which a supply is tried to give way, and the most that is left of it under any load.
 const GIVES_WAY: f64 = 0.1;
 const LEFT: f64 = 0.1;
+/// Steps to the voltage that is left: each of two currents turns round once.
+const STEPS: usize = 3;
 
 impl BatterySag {
     /// What is lost at a time. On a recording that ends later than the one it was found on, a drive still does not turn round.
@@ -74,17 +76,22 @@ impl BatterySag {
     }
 }
 
-/// L: what is lost to the currents that both wheels' motors draw. Of a wheel that is slowed down the whole current counts.
+/// s: what is left of the voltage under the currents that it drives.
 fn under_load(share: f64, held: f64, at: &Instant<'_>, motion: &Motion<'_>, drive: &[f64]) -> f64 {
     let frame = at.scene.frame;
     let told = |axis: usize| motion.u[axis] - held * motion.outputs[axis];
     let asked = frame.wheels(&[told(0), told(1)]);
     let commanded = held == 0.0 && matches!(frame, Frame::Body { .. });
-    let against = if commanded { force::asked(&frame, motion, 1.0, 1.0) } else { frame.wheels(drive) };
-    let mean = |of: &dyn Fn(usize) -> f64| 0.5 * (of(0) + of(1)) / at.scene.scales.command;
-    let current = mean(&|wheel| against[wheel].abs());
-    let relieved = mean(&|wheel| (asked[wheel] * against[wheel].signum()).max(0.0));
-    share * current / (1.0 - share + share * relieved).max(f64::MIN_POSITIVE)
+    let full = if commanded { force::asked(&frame, motion, 1.0, 1.0) } else { frame.wheels(drive) };
+    let part = 0.5 * share / at.scene.scales.command;
+    // Newton's steps: between the two voltages at which a current turns round all is linear.
+    (0..STEPS).fold(1.0, |left, _| {
+        let currents = [0, 1].map(|wheel| full[wheel] - (1.0 - left) * asked[wheel]);
+        let drawn = part * (currents[0].abs() + currents[1].abs());
+        let eased = part * (asked[0] * currents[0].signum() + asked[1] * currents[1].signum());
+        let slope = (1.0 - share + eased).max(LEFT * (1.0 - share)).max(f64::MIN_POSITIVE);
+        left + ((1.0 - share) * (1.0 - left) - drawn) / slope
+    })
 }
 
 #[typetag::serde(name = "battery_sag")]
@@ -226,7 +233,7 @@ impl Effect for BatterySag {
         let held = if self.servo { p[p.len() - 1] } else { 0.0 };
         let lost = match (self.drives(), self.law) {
             (false, _) => return,
-            (true, SagLaw::Loaded) => (under_load(p[0], held, at, motion, drive) + self.lost(&p[1..], at)).min(1.0 - LEFT),
+            (true, SagLaw::Loaded) => (1.0 - under_load(p[0], held, at, motion, drive) + self.lost(&p[1..], at)).min(1.0 - LEFT),
             (true, _) => self.lost(p, at),
         };
         drive.iter_mut().zip(motion.u.iter().zip(motion.outputs)).for_each(|(drive, (u, x))| *drive -= lost * (u - held * x));

@@ -415,9 +415,8 @@ fn a_supply_with_a_resistance_gives_way_to_what_the_motors_draw() {
             let asked = wheels(if servo { [u[0] - fed * x[0], u[1] - fed * x[1]] } else { u });
             let [a, b] = (rig.base)(u, x);
             let full = if servo { wheels([0.26 * a, 0.19 * b]) } else { [0, 1].map(|i| wheels(u)[i] - wheels(x)[i]) };
-            // What flows at a voltage, and so which voltage it leaves, until they agree. What brakes is not relieved.
-            let drawn =
-                |left: f64| -> f64 { [0, 1].map(|i| full[i].abs() - (1.0 - left) * (asked[i] * full[i].signum()).max(0.0)).iter().sum() };
+            // What flows at a voltage, and so which voltage it leaves, until they agree.
+            let drawn = |left: f64| -> f64 { [0, 1].map(|i| (full[i] - (1.0 - left) * asked[i]).abs()).iter().sum() };
             let left = (0..60).fold(1.0, |left, _| 1.0 - resistance * drawn(left)) - k * (t - rig.stretch().time[0]);
             let pulls = |i: usize| if servo { fed * x[i] + left * (u[i] - fed * x[i]) } else { left * u[i] };
             (rig.base)([pulls(0), pulls(1)], x)
