@@ -48,8 +48,7 @@ pub(super) fn find(comparison: &Comparison<'_>) -> Option<Jitter> {
     for output in 0..comparison.outputs() {
         let plain = slopes_of(comparison, output, 0.0);
         let noise = comparison.noise[output];
-        let stretches = 0..comparison.data.stretches.len();
-        let residual: Vec<f64> = stretches.flat_map(|s| comparison.left(s, output).map(|left| left / noise)).collect();
+        let residual = left_of(comparison, output);
         // Both outputs speak of the same stamps: in units of their own noise they are one series.
         squares.extend(residual.iter().map(|r| r * r));
         slopes.extend(plain.iter().map(|d| (d / noise).powi(2)));
@@ -149,7 +148,7 @@ impl Jitter {
 
     /// Slope of a series as far as times are off: what an arrival that is off by more than a sample moves is the way to there.
     pub(crate) fn slope(&self, time: &[f64], series: &[f64]) -> Vec<f64> {
-        slope_within(time, series, self.reach())
+        super::slope_within(time, series, self.reach())
     }
 
     fn reach(&self) -> f64 {
@@ -173,20 +172,16 @@ impl Jitter {
     }
 }
 
+/// What is left of an output, in units of its noise.
+pub(super) fn left_of(comparison: &Comparison<'_>, output: usize) -> Vec<f64> {
+    let stretches = 0..comparison.data.stretches.len();
+    stretches.flat_map(|s| comparison.left(s, output).map(|left| left / comparison.noise[output])).collect()
+}
+
 /// Slope of the simulated output within stretches, as far to either side as times may be off.
 pub(super) fn slopes_of(comparison: &Comparison<'_>, output: usize, reach: f64) -> Vec<f64> {
     let stretches = comparison.data.stretches.iter().zip(comparison.model);
-    stretches.flat_map(|(stretch, run)| slope_within(&stretch.time, &run[output], reach)).collect()
-}
-
-/// Slope of a series by differences over so much time to either side, and at least to the next samples.
-fn slope_within(time: &[f64], series: &[f64], reach: f64) -> Vec<f64> {
-    let of = |(k, t): (usize, &f64)| {
-        let a = time.partition_point(|other| *other < t - reach).min(k.saturating_sub(1));
-        let b = (time.partition_point(|other| *other <= t + reach) - 1).max((k + 1).min(time.len() - 1));
-        if time[b] > time[a] { (series[b] - series[a]) / (time[b] - time[a]) } else { 0.0 }
-    };
-    time.iter().enumerate().map(of).collect()
+    stretches.flat_map(|(stretch, run)| super::slope_within(&stretch.time, &run[output], reach)).collect()
 }
 
 fn correlation(a: &[f64], b: &[f64]) -> f64 {

@@ -9,7 +9,7 @@ use statrs::distribution::{ContinuousCDF, FisherSnedecor};
 
 use crate::comparison::Comparison;
 
-use super::jitter::{Growth, Jitter, SURE, Scatter, growth, slopes_of};
+use super::jitter::{Growth, Jitter, SURE, Scatter, growth, left_of, slopes_of};
 
 /// Samples that a message has to itself, so that it shows whether they share one time.
 const ALONE: usize = 4;
@@ -66,8 +66,7 @@ pub(super) fn find(comparison: &Comparison<'_>) -> Option<Jitter> {
 fn spread(comparison: &Comparison<'_>, reach: f64) -> (Vec<f64>, Vec<f64>) {
     let (mut squares, mut slopes) = (Vec::new(), Vec::new());
     for (output, noise) in comparison.noise.iter().enumerate() {
-        let left = (0..comparison.data.stretches.len()).flat_map(|s| comparison.left(s, output));
-        squares.extend(left.map(|left| (left / noise).powi(2)));
+        squares.extend(left_of(comparison, output).iter().map(|left| left * left));
         slopes.extend(slopes_of(comparison, output, reach).iter().map(|d| (d / noise).powi(2)));
     }
     (squares, slopes)

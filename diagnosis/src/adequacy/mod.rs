@@ -174,13 +174,17 @@ pub(crate) fn whitened<T>(
 
 /// Slope of a series, by central differences.
 pub(crate) fn slope(time: &[f64], series: &[f64]) -> Vec<f64> {
-    let n = series.len();
-    (0..n)
-        .map(|k| {
-            let (a, b) = (k.saturating_sub(1), (k + 1).min(n - 1));
-            if time[b] > time[a] { (series[b] - series[a]) / (time[b] - time[a]) } else { 0.0 }
-        })
-        .collect()
+    slope_within(time, series, 0.0)
+}
+
+/// Slope of a series by differences over so much time to either side, and at least to the next samples.
+fn slope_within(time: &[f64], series: &[f64], reach: f64) -> Vec<f64> {
+    let of = |(k, t): (usize, &f64)| {
+        let a = time.partition_point(|other| *other < t - reach).min(k.saturating_sub(1));
+        let b = (time.partition_point(|other| *other <= t + reach) - 1).max((k + 1).min(time.len() - 1));
+        if time[b] > time[a] { (series[b] - series[a]) / (time[b] - time[a]) } else { 0.0 }
+    };
+    time.iter().enumerate().map(of).collect()
 }
 
 #[cfg(test)]

@@ -76,13 +76,12 @@ impl BatterySag {
     }
 }
 
-/// s: what is left of the voltage under the currents that it drives.
-fn under_load(share: f64, held: f64, at: &Instant<'_>, motion: &Motion<'_>, drive: &[f64]) -> f64 {
+/// s: what is left of the voltage under the currents that it drives; `held` is the feedback of loops, if it is they that weaken.
+fn under_load(share: f64, held: Option<f64>, at: &Instant<'_>, motion: &Motion<'_>, drive: &[f64]) -> f64 {
     let frame = at.scene.frame;
-    let told = |axis: usize| motion.u[axis] - held * motion.outputs[axis];
-    let asked = frame.wheels(&[told(0), told(1)]);
-    let commanded = held == 0.0 && matches!(frame, Frame::Body { .. });
-    let full = if commanded { force::asked(&frame, motion, 1.0, 1.0) } else { frame.wheels(drive) };
+    let asked = force::asked(&frame, motion, held.unwrap_or(0.0), 1.0);
+    let full =
+        if held.is_none() && matches!(frame, Frame::Body { .. }) { force::asked(&frame, motion, 1.0, 1.0) } else { frame.wheels(drive) };
     let part = 0.5 * share / at.scene.scales.command;
     // Newton's steps: between the two voltages at which a current turns round all is linear.
     (0..STEPS).fold(1.0, |left, _| {
@@ -230,12 +229,13 @@ impl Effect for BatterySag {
     }
 
     fn drive(&self, p: &[f64], at: &Instant<'_>, motion: &Motion<'_>, _state: &[f64], drive: &mut [f64]) {
-        let held = if self.servo { p[p.len() - 1] } else { 0.0 };
+        let held = self.servo.then(|| p[p.len() - 1]);
         let lost = match (self.drives(), self.law) {
             (false, _) => return,
             (true, SagLaw::Loaded) => (1.0 - under_load(p[0], held, at, motion, drive) + self.lost(&p[1..], at)).min(1.0 - LEFT),
             (true, _) => self.lost(p, at),
         };
+        let held = held.unwrap_or(0.0);
         drive.iter_mut().zip(motion.u.iter().zip(motion.outputs)).for_each(|(drive, (u, x))| *drive -= lost * (u - held * x));
     }
 }

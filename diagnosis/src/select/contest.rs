@@ -5,7 +5,6 @@ use wheelwright_core::effect::Stage;
 use super::{COMPARING, EXCHANGE, FINAL, MOST, Rival, SHARE, Search, Selected, State};
 use crate::adequacy::{Jitter, OrderLine, counted, jittered, lined, whitened};
 use crate::comparison::Comparison;
-use crate::fit::Fitted;
 use crate::fit::search::{Fit, left};
 use crate::fit::setting::Setting;
 use crate::race::{Field, Refined, distinct};
@@ -177,8 +176,7 @@ impl<'a> Search<'a> {
 
     /// By how much a model lets commands come late.
     pub(crate) fn late(&self, state: &State) -> Vec<f64> {
-        let Fitted { effects, values, .. } = self.fitted(state);
-        let late = effects.iter().zip(values).find(|(effect, _)| effect.stage() == Stage::Transport);
+        let late = self.effects(&state.effects).into_iter().zip(self.values(state)).find(|(effect, _)| effect.stage() == Stage::Transport);
         late.map_or_else(Vec::new, |(_, values)| values)
     }
 

@@ -89,20 +89,23 @@ impl<'a> Search<'a> {
         if effects.len() == state.effects.len() {
             return Some(state.clone());
         }
-        let unknowns: Vec<usize> = self.unknowns(state, keep).collect();
-        let x = unknowns.iter().map(|j| state.fit.point.x[*j]).collect();
+        let Unbent { x, columns } = self.part(state, keep);
         let point = Point { x, starts: state.fit.point.starts.clone() };
         let mut runner = self.runner(&effects, &point)?;
         let mut fit = evaluate(&self.setting, &mut runner, &selected.whitening, &point)?;
-        fit.columns = unknowns.iter().map(|j| state.fit.column(*j)).collect();
+        fit.columns = columns;
         let fit = maximise(&self.setting, &mut runner, &selected.whitening, fit, COMPARING, true);
         Some(State { effects, fit })
     }
 
     /// The model's unknowns as they are beside one of its effects.
     pub(super) fn unbent(&self, state: &State, member: usize) -> Unbent {
-        let Fit { point, .. } = &state.fit;
-        let (x, columns) = self.unknowns(state, &|i| i != member).map(|j| (point.x[j], state.fit.column(j))).unzip();
+        self.part(state, &|i| i != member)
+    }
+
+    /// The model's unknowns as they are, of those that stay if some of its effects do.
+    fn part(&self, state: &State, keep: &dyn Fn(usize) -> bool) -> Unbent {
+        let (x, columns) = self.unknowns(state, keep).map(|j| (state.fit.point.x[j], state.fit.column(j))).unzip();
         Unbent { x, columns }
     }
 
@@ -121,26 +124,29 @@ impl<'a> Search<'a> {
         all.into_iter()
     }
 
+    /// The values of each effect's parameters.
+    pub(super) fn values(&self, state: &State) -> Vec<Vec<f64>> {
+        let mut at = self.setting.free();
+        let of = |effect: &usize| {
+            let n = self.effect(*effect).parameters(self.setting.scene).len();
+            at += n;
+            state.fit.point.x[at - n..at].to_vec()
+        };
+        state.effects.iter().map(of).collect()
+    }
+
     /// A state in the form that others work with.
     pub(crate) fn fitted(&self, state: &State) -> Fitted<'a> {
-        let free = self.setting.free();
-        let x = &state.fit.point.x;
-        let effects = self.effects(&state.effects);
-        let mut at = free;
-        let values = effects.iter().map(|e| {
-            let n = e.parameters(self.setting.scene).len();
-            at += n;
-            x[at - n..at].to_vec()
-        });
+        let free = &state.fit.point.x[..self.setting.free()];
         let information = state.fit.information(&self.setting);
         let directions = Directions::of(&information);
         let (mut covariance, told) = (directions.inverse(), directions.visibility());
         (0..told.len()).filter(|j| told[*j] < TOLD).for_each(|j| covariance[(j, j)] = f64::INFINITY);
         Fitted {
-            values: values.collect(),
-            effects,
-            free: x[..free].to_vec(),
-            theta: self.setting.map.theta(&x[..free]),
+            values: self.values(state),
+            effects: self.effects(&state.effects),
+            free: free.to_vec(),
+            theta: self.setting.map.theta(free),
             initial: state.fit.point.starts.clone(),
             simulated: self.setting.layout.series(&state.fit.simulated),
             likelihood: state.fit.likelihood(&self.setting),

@@ -55,7 +55,7 @@ impl<'a> Search<'a> {
     /// The selection with a narrower law in the place of a member, if it is all that the member is.
     fn narrowed(&self, selected: &Selected, member: usize) -> Option<Selected> {
         let wide = self.effect(selected.state.effects[member]);
-        let values = &self.fitted(&selected.state).values[member];
+        let values = &self.values(&selected.state)[member];
         let name = wide.narrower(values, self.setting.scene);
         let within = |i: &&usize| {
             let narrow = self.effect(**i).name();
@@ -110,7 +110,7 @@ impl<'a> Search<'a> {
 
     /// Values from which an effect may start in a member's place: its own, and those with what it has by the same name as the member has it.
     pub(super) fn starts_at(&self, effect: usize, state: &State, member: usize) -> Vec<Vec<f64>> {
-        let known = self.values_in(effect, self.effect(state.effects[member]), &self.fitted(state).values[member]);
+        let known = self.values_in(effect, self.effect(state.effects[member]), &self.values(state)[member]);
         let at = |values: &Vec<f64>| values.iter().zip(&known).map(|(start, known)| known.unwrap_or(*start)).collect();
         let own = self.starts(effect);
         let there: Vec<Vec<f64>> = own.iter().map(at).collect();
