@@ -448,6 +448,7 @@ pub(crate) fn lay_out(matrix: &[f64], diagonal: bool, n: usize, part: &mut [f64]
 }
 
 /// Row i of a row-major square matrix times a vector.
+#[inline(always)]
 pub(crate) fn square_row(weight: &[f64], i: usize, x: &[f64]) -> f64 {
     let n = x.len();
     weight[i * n..(i + 1) * n].iter().zip(x).map(|(a, b)| a * b).sum()

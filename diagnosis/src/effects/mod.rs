@@ -94,7 +94,7 @@ pub use gain_asymmetry::GainAsymmetry;
 pub use integral_action::IntegralAction;
 pub use lateral_com_offset::LateralComOffset;
 pub use parts::Axis;
-pub use payload_change::PayloadChange;
+pub use payload_change::{LoadLaw, PayloadChange};
 pub use quadratic_drag::QuadraticDrag;
 pub use rolling_resistance::RollingResistance;
 pub use sensor_delay::SensorDelay;
@@ -223,7 +223,8 @@ fn dynamics() -> Vec<Box<dyn Effect>> {
         Box::new(CastorDrag { kind: CastorKind::Ball }),
         Box::new(Slope {}),
         Box::new(PayloadChange::default()),
-        Box::new(PayloadChange { undone: true }),
+        Box::new(PayloadChange { law: LoadLaw::Undone }),
+        Box::new(PayloadChange { law: LoadLaw::Gradual }),
         Box::new(Backlash { at_motor: true }),
         Box::new(Backlash::default()),
     ]

@@ -1,7 +1,8 @@
 //! Something is loaded or unloaded: from t0 on the robot accelerates as with another mass and another moment of inertia.
 //!
 //! θ1 → θ1 (1 + d1), θ2 → θ2 (1 + d2), and where the load moves the centre of mass along the robot, θ5 → θ5 + d5 and
-//! θ3 → θ3 + h² d5 (of one cause, m b). In channels without wheels each has a change of its own. With `undone` all is as before from t0 + T on.
+//! θ3 → θ3 + h² d5 (of one cause, m b). In channels without wheels each has a change of its own. One that is `undone` is as before from t0 + T on. One
+//! that is `gradual`, as what is filled in, comes evenly within T from t0 on.
 
 use serde::{Deserialize, Serialize};
 use wheelwright_core::Effect;
@@ -11,13 +12,26 @@ use super::force;
 use super::moments::{self, SHARES};
 use super::words::{quantity, scaled};
 
+/// How a load changes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum LoadLaw {
+    /// At once and for good.
+    #[default]
+    Lasting,
+    /// At once, and what was put on is taken off again, or the reverse.
+    Undone,
+    /// Evenly over some time, and for good.
+    Gradual,
+}
+
 /// A change of payload.
 #[derive(Debug, Clone, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PayloadChange {
-    /// What was put on is taken off again, or the reverse. Default `false`.
-    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
-    pub undone: bool,
+    /// How. Default `lasting`.
+    #[serde(default)]
+    pub law: LoadLaw,
 }
 
 /// Least share of the recording that a load stays on: what jerks the robot for a moment is none.
@@ -26,22 +40,34 @@ const STAYS: f64 = 0.1;
 /// nothing new to take out of the noise.
 const WHILES: [(usize, usize); 12] =
     [(0, 4), (0, 7), (0, 12), (3, 5), (3, 8), (3, 12), (5, 8), (5, 12), (7, 10), (7, 14), (10, 12), (10, 14)];
+/// Times in which a gradual change comes that are tried, as shares of the recording.
+const TAKES: [f64; 3] = [0.04, 0.12, 0.36];
 /// Half of the robot may have been load; a robot that carries six times itself is another one.
 const CHANGE: (f64, f64) = (-0.5, 6.0);
 
 impl PayloadChange {
-    /// How many times of change it has.
+    /// How many of its parameters are times.
     fn times(&self) -> usize {
-        if self.undone { 2 } else { 1 }
+        if self.law == LoadLaw::Lasting { 1 } else { 2 }
     }
-}
 
-/// When the load changes, and when it changes back, of the first time and how long it lasts.
-fn switches(times: &[f64]) -> impl Iterator<Item = f64> {
-    times.iter().scan(0.0, |now, t| {
-        *now += t;
-        Some(*now)
-    })
+    /// When it begins and ends to change, or is undone.
+    fn switches(&self, times: &[f64]) -> [f64; 2] {
+        match self.law {
+            LoadLaw::Lasting => [times[0], f64::INFINITY],
+            _ => [times[0], times[0] + times[1]],
+        }
+    }
+
+    /// What share of the change there is.
+    fn share(&self, times: &[f64], at: &Instant<'_>) -> f64 {
+        let [from, to] = self.switches(times);
+        match (self.law, moments::passed(from, at), moments::passed(to, at)) {
+            (_, false, _) | (LoadLaw::Undone, _, true) => 0.0,
+            (LoadLaw::Gradual, _, false) => ((at.time - from) / (to - from)).clamp(0.0, 1.0),
+            _ => 1.0,
+        }
+    }
 }
 
 #[typetag::serde(name = "payload_change")]
@@ -51,8 +77,12 @@ impl Effect for PayloadChange {
     }
 
     fn about(&self) -> String {
-        let until = if self.undone { " and change back" } else { "" };
-        format!("mass and moment of inertia change at some time{until}")
+        let how = match self.law {
+            LoadLaw::Lasting => "at some time",
+            LoadLaw::Undone => "at some time and change back",
+            LoadLaw::Gradual => "over some time",
+        };
+        format!("mass and moment of inertia change {how}")
     }
 
     fn stage(&self) -> Stage {
@@ -67,8 +97,13 @@ impl Effect for PayloadChange {
         let (first, last) = scene.scales.time;
         let change = |name: &str| EffectParameter::new(name, "1", CHANGE, 0.1).neutral(0.0);
         let time = moments::parameter(scene);
-        let lasts = EffectParameter::new("lasts_s", "s", (STAYS * (last - first), last - first), time.scale);
-        let mut all = if self.undone { vec![time, lasts] } else { vec![time] };
+        let (whole, scale) = (last - first, time.scale);
+        let mut all = vec![time];
+        match self.law {
+            LoadLaw::Lasting => {}
+            LoadLaw::Undone => all.push(EffectParameter::new("lasts_s", "s", (STAYS * whole, whole), scale)),
+            LoadLaw::Gradual => all.push(EffectParameter::new("takes_s", "s", (0.0, whole), scale).neutral(0.0)),
+        }
         if let Frame::Channels = scene.frame {
             all.extend(scene.outputs.iter().map(|y| change("inertia_change").of("output", &y.name)));
         } else {
@@ -89,10 +124,16 @@ impl Effect for PayloadChange {
         let columns: Vec<Vec<usize>> = (times..times + changes.len()).map(|i| vec![i]).collect();
         let start = |when: &[f64]| Start { values: [when, &changes[..]].concat(), columns: columns.clone(), linear: true };
         let at = |share: f64| moments::at(share, scene);
-        if self.undone {
-            return WHILES.map(|(from, to)| (at(SHARES[from]), at(SHARES[to]))).map(|(from, to)| start(&[from, to - from])).into();
+        match self.law {
+            LoadLaw::Lasting => SHARES.map(|share| start(&[at(share)])).into(),
+            LoadLaw::Undone => {
+                WHILES.map(|(from, to)| (at(SHARES[from]), at(SHARES[to]))).map(|(from, to)| start(&[from, to - from])).into()
+            }
+            LoadLaw::Gradual => {
+                let takes = |takes: f64| SHARES.map(|share| start(&[at(share), takes * moments::duration(scene)]));
+                TAKES.into_iter().flat_map(takes).collect()
+            }
         }
-        SHARES.map(|share| start(&[at(share)])).into()
     }
 
     /// The same change at other times nearby: while the robot does not accelerate, the time of change does not show, so that the
@@ -100,7 +141,10 @@ impl Effect for PayloadChange {
     fn detours(&self, values: &[f64], scene: &Scene) -> Vec<Vec<f64>> {
         let parameters = self.parameters(scene);
         // The whole, its end, and its beginning alone.
-        let ways: &[[f64; 2]] = if self.undone { &[[1.0, 0.0], [0.0, 1.0], [1.0, -1.0]] } else { &[[1.0, 0.0]] };
+        let ways: &[[f64; 2]] = match self.law {
+            LoadLaw::Lasting => &[[1.0, 0.0]],
+            _ => &[[1.0, 0.0], [0.0, 1.0], [1.0, -1.0]],
+        };
         let shifted = |(way, off): (&[f64; 2], f64)| {
             let mut values = values.to_vec();
             values[..self.times()].iter_mut().zip(way).for_each(|(t, way)| *t += way * off);
@@ -121,12 +165,13 @@ impl Effect for PayloadChange {
             Frame::Channels => format!("as if the inertia of `{}` were {}", scene.outputs[0].name, change(changes[0])),
             _ => format!("as if its mass were {} and its moment of inertia {}", change(changes[0]), change(changes[1])),
         };
-        let until = if self.undone { format!("on for {}", quantity(values[1], "s")) } else { "on".to_owned() };
-        format!(
-            "the load changed at {}, {} into the recording: from then {until} the robot accelerates {what}; the model's stayed the same",
-            moments::when(values[0]),
-            moments::into(values[0], scene),
-        )
+        let (changed, from_then) = match self.law {
+            LoadLaw::Lasting => ("changed at", "from then on".to_owned()),
+            LoadLaw::Undone => ("changed at", format!("from then on for {}", quantity(values[1], "s"))),
+            LoadLaw::Gradual => ("began to change at", format!("after it had done so for {}", quantity(values[1], "s"))),
+        };
+        let (when, into) = (moments::when(values[0]), moments::into(values[0], scene));
+        format!("the load {changed} {when}, {into} into the recording: {from_then} the robot accelerates {what}; the model's stayed the same")
     }
 
     fn excitation(&self) -> &'static str {
@@ -146,26 +191,31 @@ impl Effect for PayloadChange {
         ]
     }
 
+    fn stands_in(&self) -> bool {
+        self.law == LoadLaw::Gradual
+    }
+
     fn next_switch(&self, p: &[f64], at: &Instant<'_>, _state: &[f64]) -> f64 {
         let (times, changes) = p.split_at(self.times());
-        let next = switches(times).filter(|time| *time > at.time).fold(f64::INFINITY, f64::min);
+        let next = self.switches(times).into_iter().filter(|time| *time > at.time).fold(f64::INFINITY, f64::min);
         if changes.iter().any(|change| *change != 0.0) { next } else { f64::INFINITY }
     }
 
     fn drive(&self, p: &[f64], at: &Instant<'_>, motion: &Motion<'_>, _state: &[f64], drive: &mut [f64]) {
         let (times, change) = p.split_at(self.times());
-        let passed = switches(times).filter(|time| moments::passed(*time, at)).count();
-        if passed != 1 {
+        let share = self.share(times, at);
+        if share == 0.0 {
             return;
         }
         let frame = &at.scene.frame;
         if frame.has_wheels() {
+            let [mass, inertia, coupling] = [0, 1, 2].map(|i| share * change[i]);
             let ([v, w], h) = (frame.body(motion.outputs), frame.half_track());
             let [forward, turn] = frame.body(drive);
-            let changed = [(forward + change[2] * h * h * w * w) / (1.0 + change[0]), (turn - change[2] * v * w) / (1.0 + change[1])];
+            let changed = [(forward + coupling * h * h * w * w) / (1.0 + mass), (turn - coupling * v * w) / (1.0 + inertia)];
             drive.copy_from_slice(&frame.from_body(changed));
         } else {
-            drive.iter_mut().zip(change).for_each(|(drive, change)| *drive /= 1.0 + change);
+            drive.iter_mut().zip(change).for_each(|(drive, change)| *drive /= 1.0 + share * change);
         }
     }
 }

@@ -113,7 +113,7 @@ impl<'a> Search<'a> {
         let known = self.values_in(effect, self.effect(state.effects[member]), &self.values(state)[member]);
         let at = |values: &Vec<f64>| values.iter().zip(&known).map(|(start, known)| known.unwrap_or(*start)).collect();
         let own = self.starts(effect);
-        let there: Vec<Vec<f64>> = own.iter().map(at).collect();
+        let there: Vec<Vec<f64>> = own.iter().map(at).filter(|values| !own.contains(values)).collect();
         own.into_iter().chain(there).collect()
     }
 

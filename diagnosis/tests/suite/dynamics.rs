@@ -5,7 +5,7 @@ use wheelwright_core::effect::{Effect, EffectSimulator, Instant, Track};
 use wheelwright_core::simulation::Readout;
 use wheelwright_diagnosis::effects::{
     ActuatorLag, Backlash, BatterySag, Between, CastorDrag, CastorKind, CoulombFriction, CoulombFrictionOneWheel, DeadZone,
-    DirectionAsymmetry, GainAsymmetry, IntegralAction, LateralComOffset, PayloadChange, QuadraticDrag, RollingResistance, SagLaw, ScrubLaw,
+    DirectionAsymmetry, GainAsymmetry, IntegralAction, LateralComOffset, LoadLaw, PayloadChange, QuadraticDrag, RollingResistance, SagLaw, ScrubLaw,
     SlipLaw, Slope, Speeds, StribeckFriction, TurningScrub, ViscousAsymmetry, Wheel, WheelRadiusMismatch, WheelSlip,
 };
 
@@ -480,9 +480,15 @@ fn a_payload_changes_inertia_from_its_time_on() {
         assert!(error < 1e-4, "{error}");
     }
     let (from, until, d1, d2) = (17.3456, 21.2345, 0.8, 0.5);
-    let load = PayloadChange { undone: true };
+    let load = PayloadChange { law: LoadLaw::Undone };
     let error = rig.error(&load, &[from, until - from, d1, d2, 0.0], rig.start, &[from, until], |t, u, [v, w]| {
         let on = if (from..until).contains(&t) { 1.0 } else { 0.0 };
+        [(u[0] - 0.01 * w * w - 1.02 * v) / (0.26 * (1.0 + on * d1)), (u[1] - 0.05 * v * w - 1.05 * w) / (0.19 * (1.0 + on * d2))]
+    });
+    assert!(error < 1e-4, "{error}");
+    let (load, takes) = (PayloadChange { law: LoadLaw::Gradual }, 7.3);
+    let error = rig.error(&load, &[from, takes, d1, d2, 0.0], rig.start, &[from, from + takes], |t, u, [v, w]| {
+        let on = ((t - from) / takes).clamp(0.0, 1.0);
         [(u[0] - 0.01 * w * w - 1.02 * v) / (0.26 * (1.0 + on * d1)), (u[1] - 0.05 * v * w - 1.05 * w) / (0.19 * (1.0 + on * d2))]
     });
     assert!(error < 1e-4, "{error}");

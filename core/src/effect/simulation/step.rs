@@ -66,6 +66,12 @@ impl Body {
         }
     }
 
+    /// How many outputs there are.
+    #[inline(always)]
+    fn outputs<const N: usize>(&self) -> usize {
+        if N == 0 { self.x.len() } else { N }
+    }
+
     /// Whether the run has left the range in which numbers can be squared and multiplied.
     #[inline(always)]
     fn lost(&self) -> bool {
@@ -128,7 +134,7 @@ impl EffectSimulator<'_> {
                 return Err(ModelError::Diverged { model: self.model.name().to_owned(), time: time[k] });
             }
             stepped?;
-            let n = simulated.len().min(self.body.x.len());
+            let n = self.body.outputs::<N>();
             let Body { x, next, travelled, .. } = &mut self.body;
             let (x, next, travelled) = (&x[..n], &mut next[..n], &travelled[..n]);
             if self.readout == Readout::IntervalMean {
@@ -157,7 +163,8 @@ impl EffectSimulator<'_> {
     /// of second order asks for.
     #[inline(always)]
     fn interval<const N: usize, const DIAGONAL: bool>(&mut self, at: &Instant<'_>, end: f64) -> Result<(), ModelError> {
-        self.body.saved.copy_from_slice(&self.body.x);
+        let n = self.body.outputs::<N>();
+        self.body.saved[..n].copy_from_slice(&self.body.x[..n]);
         self.saved.copy_from_slice(&self.state);
         let kept = self.trace.len();
         let missed = self.pass::<N, DIAGONAL>(at, end, self.substeps)? / (MISSED * self.tolerance);
@@ -178,7 +185,8 @@ impl EffectSimulator<'_> {
         let longest = (end - start) / substeps as f64;
         // What is left after a switch this close to a sample is no step.
         let tolerance = 1e-9 * (end - start);
-        self.body.travelled.fill(0.0);
+        let n = self.body.outputs::<N>();
+        self.body.travelled[..n].fill(0.0);
         let mut worst: f64 = 0.0;
         let mut time = start;
         while end - time > tolerance {
@@ -205,7 +213,7 @@ impl EffectSimulator<'_> {
     #[inline(always)]
     fn step<const N: usize, const DIAGONAL: bool>(&mut self, at: &Instant<'_>, h: f64) -> Result<f64, ModelError> {
         let Self { model, theta, slots, state, linear, body: b, trace, readout, .. } = self;
-        let n = if N == 0 { b.x.len() } else { N };
+        let n = b.outputs::<N>();
         let size = if DIAGONAL { n } else { n * n };
         let ([half, half_forcing, full, start, middle], part) = (linear.weights(size), &linear.part[..size]);
         let (x, mid, next) = (&mut b.x[..n], &mut b.mid[..n], &mut b.next[..n]);
@@ -216,12 +224,14 @@ impl EffectSimulator<'_> {
         if ahead {
             // What filters and ramps make of a command hangs on no output, and the whole step of it is known before any of it is taken. A parabola
             // has the mean (u0 + 4 um + u1)/6, and the line nearest to it rises by u1 − u0.
-            b.start.copy_from_slice(&b.u);
-            slots.command(&middle_at, x, state, &mut b.u);
-            b.middle.copy_from_slice(&b.u);
+            let m = if N == 0 { b.u.len() } else { N };
+            let (line, u) = ((&mut b.start[..m], &mut b.middle[..m]), &mut b.u[..m]);
+            line.0.copy_from_slice(u);
+            slots.command(&middle_at, x, state, u);
+            line.1.copy_from_slice(u);
             // Before what switches there.
-            slots.command(&Instant { time: end.time - JUST * h, ..end }, x, state, &mut b.u);
-            for ((start, middle), last) in b.start.iter_mut().zip(&mut b.middle).zip(&b.u) {
+            slots.command(&Instant { time: end.time - JUST * h, ..end }, x, state, u);
+            for ((start, middle), last) in line.0.iter_mut().zip(line.1).zip(&*u) {
                 let rise = last - *start;
                 *middle = (*start + 4.0 * *middle + last) / 6.0;
                 *start = *middle - 0.5 * rise;
@@ -328,7 +338,7 @@ impl RightSide<'_, '_> {
             net.iter_mut().zip(load.iter()).for_each(|(n, l)| *n -= l);
         }
         if self.slots.driven() {
-            held.copy_from_slice(net);
+            held[..m].copy_from_slice(net);
         }
         if self.slots.loads() {
             self.slots.load(at, x, state, load);
@@ -337,17 +347,17 @@ impl RightSide<'_, '_> {
         self.model.accelerations(self.theta, net, x, out)?;
         if self.slots.driven() {
             let Linear { inertia, mobility, drag, .. } = self.linear;
-            multiply(inertia, out, drive);
-            given.copy_from_slice(drive);
-            held.iter_mut().enumerate().for_each(|(i, h)| *h -= square_row(drag, i, x) + given[i]);
+            let (given, drive) = (&mut given[..m], &mut drive[..m]);
+            for (i, given) in given.iter_mut().enumerate() {
+                *given = square_row(inertia, i, out);
+                held[i] -= square_row(drag, i, x) + *given;
+            }
+            drive.copy_from_slice(given);
             self.slots.drive(at, &self.linear.motion(u, x, held), state, drive);
-            multiply(mobility, drive, out);
+            for (i, out) in out.iter_mut().enumerate() {
+                *out = square_row(mobility, i, drive);
+            }
         }
         Ok(())
     }
-}
-
-/// out = M x for a row-major matrix.
-fn multiply(matrix: &[f64], x: &[f64], out: &mut [f64]) {
-    out.iter_mut().enumerate().for_each(|(i, out)| *out = square_row(matrix, i, x));
 }
