@@ -21,7 +21,7 @@ use crate::noise::Noise;
 use crate::question::{DiagnosisError, Question};
 use crate::radius::{self, Wheels};
 use crate::screen::{Response, saturate};
-use crate::select::{COMPARING, EXCHANGE, FINAL, Newest, Search, Selected, State};
+use crate::select::{COMPARING, EXCHANGE, FINAL, Newest, SHARE, Search, Selected, State};
 use crate::track;
 
 /// Fewest values a parameter that are needed for a noise model to mean anything.
@@ -189,8 +189,10 @@ fn other_readout<'a>(
     if !counted && base.likelihood(&other) <= story.first {
         return Ok(story);
     }
-    // Else it is one of the library's names, and was looked for among them.
-    let sought = if counted { 0.0 } else { story.search.penalty(1.0) - story.search.log_values() };
+    // Else it is one of the library's names, and was looked for among them. And to those that are known to be differenced a delay of half a sample
+    // comes as near as laws are exact.
+    let explained = story.selected.gained(&story.search.setting, &story.selected.state.fit);
+    let sought = if counted { (-SHARE * explained).min(0.0) } else { story.search.penalty(1.0) - story.search.log_values() };
     if plainer(&story, &other, &base).is_none_or(|plainer| plainer - sought <= story.evidence()) {
         return Ok(story);
     }
@@ -199,9 +201,25 @@ fn other_readout<'a>(
     if better <= EXCHANGE || (!counted && contradicted(question, &rival, &story)) {
         return Ok(story);
     }
+    let rival = if counted { on_time(rival, SHARE * explained) } else { rival };
     let instead = instead.map_or_else(Vec::new, |effect| with_the_same(effect, &story.search));
     let means = Means { evidence: better, instead, base: story.selected.base.clone() };
     Ok(Story { means: Some(means), ..rival })
+}
+
+/// A story without what makes it late by so little that it gains less than laws are inexact by.
+fn on_time(mut story: Story<'_>, least: f64) -> Story<'_> {
+    for member in (0..story.selected.state.effects.len()).rev() {
+        let Story { search, selected, .. } = &story;
+        if !late(search.effect(selected.state.effects[member])) {
+            continue;
+        }
+        let rest = search.without(selected, member).filter(|rest| search.gain(&selected.state.fit, rest) < least);
+        if let Some(fewer) = rest.and_then(|rest| search.only(selected, &rest)) {
+            story.selected = fewer;
+        }
+    }
+    story
 }
 
 /// The name of an effect, and of those that are one with it under every drive.
