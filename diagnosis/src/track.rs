@@ -18,7 +18,7 @@ use crate::fit::whitening::Whitening;
 use crate::question::Question;
 use crate::race::{Field, Refined};
 use crate::screen::{Candidate, Response};
-use crate::select::{COMPARING, SHARE, Search, State};
+use crate::select::{COMPARING, Search, State};
 
 /// Track width that is taken where none is known and none shows \[m\].
 pub(crate) const ORDINARY: f64 = 0.35;
@@ -108,8 +108,7 @@ fn look(start: &Surroundings<'_>, model: &Model, scene: &impl Fn(f64) -> Scene) 
             best = (log.exp(), most);
         }
     }
-    let asked = score(&ordinary) + DECISIVE.max(SHARE * score(&ordinary));
-    Shown { width: (best.1 > asked).then_some(best.0), best: ordinary }
+    Shown { width: (best.1 > score(&ordinary) + DECISIVE).then_some(best.0), best: ordinary }
 }
 
 /// The names that promise most beside a model, each where it does.

@@ -278,8 +278,8 @@ pub trait Effect: Debug + Send + Sync {
         None
     }
 
-    /// Whether it is tried only in the place of another effect of its name that was found: what looks like that one and is too rare to be sought on
-    /// every recording.
+    /// Whether it is tried only in the place of another effect of its name or family that was found: what looks like that one and is too rare to be
+    /// sought on every recording.
     fn stands_in(&self) -> bool {
         false
     }

@@ -18,6 +18,7 @@ use wheelwright_core::effect::{Confusion, EffectParameter, Estimate, Frame, Inst
 
 use super::force;
 use super::moments::{self, duration};
+use super::trend;
 use super::words::{digits, quantity, scaled};
 
 /// How a supply weakens.
@@ -47,11 +48,6 @@ pub struct BatterySag {
     pub law: SagLaw,
 }
 
-/// Times in which a supply settles that are tried, as shares of the recording, and the shortest and the longest that are told: less is a
-/// step, more is steady.
-const TIMES: [f64; 3] = [0.1, 0.25, 0.6];
-const TOLD: (f64, f64) = (0.02, 2.0);
-
 /// Share by which a supply is tried to give way, and the most that is left of it under any load.
 const GIVES_WAY: f64 = 0.1;
 const LEFT: f64 = 0.1;
@@ -63,7 +59,7 @@ impl BatterySag {
     fn lost(&self, p: &[f64], at: &Instant<'_>) -> f64 {
         let since = at.time - at.scene.scales.time.0;
         match self.law {
-            SagLaw::Settling => -p[0] * (-since / p[1]).exp_m1(),
+            SagLaw::Settling => p[0] * (1.0 - trend::left(p[1], at)),
             SagLaw::Dropped if moments::passed(p[1], at) => p[0],
             SagLaw::Dropped => 0.0,
             SagLaw::Steady | SagLaw::Loaded => (p[0] * since).min(1.0),
@@ -131,10 +127,7 @@ impl Effect for BatterySag {
         let share = |name: &str| EffectParameter::new(name, "1", (0.0, 1.0), 0.03).neutral(0.0);
         let mut all = match self.law {
             SagLaw::Steady => vec![sag],
-            SagLaw::Settling => {
-                let told = (TOLD.0 / per_second, TOLD.1 / per_second);
-                vec![share("lost"), EffectParameter::new("settling_time", "s", told, 0.05 / per_second)]
-            }
+            SagLaw::Settling => vec![share("lost"), trend::parameter("settling_time", scene)],
             SagLaw::Dropped => {
                 let lost = EffectParameter::new("lost", "1", (-1.0, 1.0), 0.03).neutral(0.0);
                 vec![lost, moments::parameter(scene)]
@@ -149,7 +142,7 @@ impl Effect for BatterySag {
         let steady = 0.03 / duration(scene);
         let (tried, columns): (Vec<Vec<f64>>, Vec<Vec<usize>>) = match self.law {
             SagLaw::Steady => (vec![vec![steady]], vec![vec![0]]),
-            SagLaw::Settling => (TIMES.map(|share| vec![0.03, share * duration(scene)]).into(), vec![vec![0]]),
+            SagLaw::Settling => (trend::times(scene).map(|time| vec![0.03, time]).into(), vec![vec![0]]),
             SagLaw::Dropped => (moments::SHARES.map(|share| vec![0.03, moments::at(share, scene)]).into(), vec![vec![0]]),
             SagLaw::Loaded => (vec![vec![GIVES_WAY, steady]], vec![vec![0], vec![1]]),
         };

@@ -4,13 +4,15 @@
 //! turning ratio. In channels without wheels each output has a friction of its own.
 //!
 //! A `soft` one comes up with speed, as that of a film or of a seal does before it is full: f = c s/√(s² + s_0²). A `presliding` one comes up with the
-//! [way](super::bristles) since the last reversal.
+//! [way](super::bristles) since the last reversal. A `warming` one is that of grease and seals, which rub more while they are cold: f = c (1 + a e^{−t/τ}) sgn s, t
+//! from the recording's first time on.
 
 use serde::{Deserialize, Serialize};
 use wheelwright_core::Effect;
 use wheelwright_core::effect::{Confusion, EffectParameter, Estimate, Instant, Motion, Scene, Stage, Start};
 
-use super::{bristles, force};
+use super::words::{quantity, scaled};
+use super::{bristles, force, trend};
 
 /// Coulomb friction.
 #[derive(Debug, Clone, Default, Serialize, Deserialize)]
@@ -22,7 +24,13 @@ pub struct CoulombFriction {
     /// Whether it comes up with the way since the last reversal. Default `false`.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub presliding: bool,
+    /// Whether it lessens as what rubs gets warm. Default `false`.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub warming: bool,
 }
+
+/// How much more there is in the cold at most, and what is tried.
+const COLD: (f64, f64) = (10.0, 0.5);
 
 impl CoulombFriction {
     /// By what it comes up, if not at once.
@@ -33,6 +41,17 @@ impl CoulombFriction {
             _ => None,
         }
     }
+
+    /// How much more of it there is in the cold, and the time in which it warms up.
+    fn cold(&self, scene: &Scene) -> Vec<EffectParameter> {
+        let more = EffectParameter::new("cold", "1", (-1.0, COLD.0), COLD.1).neutral(0.0);
+        if self.warming { vec![more, trend::parameter("warming_time", scene)] } else { Vec::new() }
+    }
+
+    /// Its size at a time, in terms of that when it is warm.
+    fn by_then(&self, p: &[f64], at: &Instant<'_>) -> f64 {
+        if self.warming { 1.0 + p[0] * trend::left(p[1], at) } else { 1.0 }
+    }
 }
 
 #[typetag::serde(name = "coulomb_friction")]
@@ -42,9 +61,10 @@ impl Effect for CoulombFriction {
     }
 
     fn about(&self) -> String {
-        let how = match (self.soft, self.presliding) {
-            (true, _) => "that comes up with speed",
-            (_, true) => "that comes up with the way since a reversal",
+        let how = match self {
+            Self { soft: true, .. } => "that comes up with speed",
+            Self { presliding: true, .. } => "that comes up with the way since a reversal",
+            Self { warming: true, .. } => "that lessens as it warms up",
             _ => "of constant size",
         };
         format!("dry friction {how} at both wheels")
@@ -63,21 +83,34 @@ impl Effect for CoulombFriction {
     }
 
     fn parameters(&self, scene: &Scene) -> Vec<EffectParameter> {
-        force::sizes(scene, "friction").into_iter().chain(self.rise(scene)).chain(force::turning_ratio(scene)).collect()
+        let how = self.rise(scene).into_iter().chain(self.cold(scene));
+        force::sizes(scene, "friction").into_iter().chain(how).chain(force::turning_ratio(scene)).collect()
     }
 
     fn starts(&self, scene: &Scene) -> Vec<Start> {
         let sizes = force::sizes(scene, "friction");
         let rise = self.rise(scene);
         let scales: Vec<f64> = sizes.iter().chain(&rise).map(|p| p.scale).collect();
-        force::starts(scene, &scales, &(0..sizes.len()).map(|i| vec![i]).collect::<Vec<_>>())
+        let columns: Vec<Vec<usize>> = (0..sizes.len()).map(|i| vec![i]).collect();
+        if !self.warming {
+            return force::starts(scene, &scales, &columns);
+        }
+        let within = |time: f64| force::starts(scene, &[&scales[..], &[COLD.1, time]].concat(), &columns);
+        trend::times(scene).into_iter().flat_map(within).collect()
     }
 
     fn statement(&self, values: &[Estimate], scene: &Scene) -> String {
         let whose = if scene.frame.has_wheels() { "at each wheel".to_owned() } else { format!("on `{}`", scene.outputs[0].name) };
-        let comes_up = match (self.soft, self.presliding) {
-            (true, _) => force::comes_up(Some(values[1])),
-            (_, true) => bristles::comes_up(values[1]),
+        let comes_up = match self {
+            Self { soft: true, .. } => force::comes_up(Some(values[1])),
+            Self { presliding: true, .. } => bristles::comes_up(values[1]),
+            Self { warming: true, .. } => {
+                let n = force::contacts(scene);
+                let (cold, within) = (values[n], quantity(values[n + 1], "s"));
+                let share = quantity(scaled(cold, |x| 100.0 * x * cold.value.signum()), "%");
+                let word = if cold.value < 0.0 { "less" } else { "more" };
+                format!(" when it is warm, and {share} {word} in the cold, most of which is gone within {within}")
+            }
             _ => String::new(),
         };
         format!("dry friction {whose} uses up {}{comes_up}; the model had none", force::in_words(values[0], scene))
@@ -114,7 +147,7 @@ impl Effect for CoulombFriction {
     }
 
     fn stands_in(&self) -> bool {
-        self.presliding
+        self.presliding || self.warming
     }
 
     fn states(&self, _scene: &Scene) -> usize {
@@ -139,7 +172,8 @@ impl Effect for CoulombFriction {
             return;
         }
         let n = force::contacts(at.scene);
-        let (ratio, comes_up_by) = (p.get(n + usize::from(self.soft)), self.soft.then(|| p[n]));
-        force::at_contacts(at, outputs, ratio, comes_up_by, load, |contact, _, sign| p[contact] * sign);
+        let (ratio, comes_up_by) = (p.get(n + usize::from(self.soft) + 2 * usize::from(self.warming)), self.soft.then(|| p[n]));
+        let by_then = self.by_then(&p[n..], at);
+        force::at_contacts(at, outputs, ratio, comes_up_by, load, |contact, _, sign| by_then * p[contact] * sign);
     }
 }

@@ -65,6 +65,7 @@ mod stribeck_friction;
 mod timestamp_jitter;
 mod torque_saturation;
 mod track_width_error;
+mod trend;
 mod turning_scrub;
 mod velocity_saturation;
 mod viscous_asymmetry;
@@ -201,6 +202,7 @@ fn dynamics() -> Vec<Box<dyn Effect>> {
         Box::new(CoulombFriction::default()),
         Box::new(CoulombFriction { soft: true, ..CoulombFriction::default() }),
         Box::new(CoulombFriction { presliding: true, ..CoulombFriction::default() }),
+        Box::new(CoulombFriction { warming: true, ..CoulombFriction::default() }),
         Box::new(CoulombFrictionOneWheel { wheel: Some(Wheel::Left) }),
         Box::new(CoulombFrictionOneWheel { wheel: Some(Wheel::Right) }),
         Box::new(CoulombFrictionOneWheel { wheel: None }),

@@ -171,7 +171,9 @@ impl Effect for PayloadChange {
             LoadLaw::Gradual => ("began to change at", format!("after it had done so for {}", quantity(values[1], "s"))),
         };
         let (when, into) = (moments::when(values[0]), moments::into(values[0], scene));
-        format!("the load {changed} {when}, {into} into the recording: {from_then} the robot accelerates {what}; the model's stayed the same")
+        format!(
+            "the load {changed} {when}, {into} into the recording: {from_then} the robot accelerates {what}; the model's stayed the same"
+        )
     }
 
     fn excitation(&self) -> &'static str {

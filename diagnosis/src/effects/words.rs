@@ -30,12 +30,18 @@ pub(super) fn each(parts: &[Part], values: &[Estimate], say: impl Fn(&Part, Esti
     parts.iter().zip(values).map(|(part, value)| say(part, *value)).collect::<Vec<_>>().join(", ")
 }
 
-/// Three significant digits.
+/// Most decimals that are told.
+const DECIMALS: i32 = 9;
+
+/// Three significant digits; what no decimal shows is 0.
 pub(crate) fn digits(value: f64) -> String {
-    if value == 0.0 || !value.is_finite() {
+    if !value.is_finite() {
         return format!("{value}");
     }
-    let decimals = (2 - value.abs().log10().floor() as i32).clamp(0, 9) as usize;
+    if value.abs() < 0.5 * 10_f64.powi(-DECIMALS) {
+        return "0".to_owned();
+    }
+    let decimals = (2 - value.abs().log10().floor() as i32).clamp(0, DECIMALS) as usize;
     format!("{value:.decimals$}")
 }
 
@@ -51,4 +57,15 @@ pub(super) fn smooth_sign(speed: f64, typical: f64) -> f64 {
 /// The length of a vector. A free run is over long before a square overflows, so nothing is scaled first as `hypot` does.
 pub(super) fn length<const N: usize>(parts: [f64; N]) -> f64 {
     parts.into_iter().map(|x| x * x).sum::<f64>().sqrt()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::digits;
+
+    #[test]
+    fn three_digits_are_told_and_what_no_decimal_shows_is_nothing() {
+        let told = [0.0, -1e-13, 1.5e-9, 0.012_34, -1.234_5, 123.4, f64::INFINITY].map(digits);
+        assert_eq!(told, ["0", "0", "0.000000002", "0.0123", "-1.23", "123", "inf"]);
+    }
 }

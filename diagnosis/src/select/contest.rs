@@ -122,8 +122,9 @@ impl<'a> Search<'a> {
 
     /// Whether an effect may stand in for another and for nothing else.
     fn stands_in(&self, effect: usize, other: usize) -> bool {
-        let (effect, same) = (self.effect(effect), self.effect(effect).name() == self.effect(other).name());
-        same && effect.stands_in() && effect.inapplicable(self.setting.scene).is_none()
+        let [effect, other] = [effect, other].map(|i| self.effect(i));
+        let akin = effect.name() == other.name() || effect.family() == other.family();
+        akin && effect.stands_in() && effect.inapplicable(self.setting.scene).is_none()
     }
 
     /// A selection in the place of another, under the noise that it leaves.

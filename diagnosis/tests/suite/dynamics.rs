@@ -5,8 +5,8 @@ use wheelwright_core::effect::{Effect, EffectSimulator, Instant, Track};
 use wheelwright_core::simulation::Readout;
 use wheelwright_diagnosis::effects::{
     ActuatorLag, Backlash, BatterySag, Between, CastorDrag, CastorKind, CoulombFriction, CoulombFrictionOneWheel, DeadZone,
-    DirectionAsymmetry, GainAsymmetry, IntegralAction, LateralComOffset, LoadLaw, PayloadChange, QuadraticDrag, RollingResistance, SagLaw, ScrubLaw,
-    SlipLaw, Slope, Speeds, StribeckFriction, TurningScrub, ViscousAsymmetry, Wheel, WheelRadiusMismatch, WheelSlip,
+    DirectionAsymmetry, GainAsymmetry, IntegralAction, LateralComOffset, LoadLaw, PayloadChange, QuadraticDrag, RollingResistance, SagLaw,
+    ScrubLaw, SlipLaw, Slope, Speeds, StribeckFriction, TurningScrub, ViscousAsymmetry, Wheel, WheelRadiusMismatch, WheelSlip,
 };
 
 /// Ground speeds of left and right wheel in the body frame.
@@ -111,6 +111,20 @@ fn soft_friction_comes_up_with_speed() {
     let values = [forward, backward, slow, ratio];
     let by_direction = |s: f64| law(s, if s > 0.0 { forward } else { backward });
     let error = rig.load_error(&DirectionAsymmetry { soft: true }, &values, |x| off(wheels(x).map(by_direction), ratio));
+    assert!(error < 3e-4, "{error}");
+}
+
+#[test]
+fn friction_of_what_warms_up_changes_with_time() {
+    let (friction, cold, time, ratio) = (0.04, 0.9, 13.0, 1.3);
+    let rig = body();
+    let start = rig.stretch().time[0];
+    let warming = CoulombFriction { warming: true, ..CoulombFriction::default() };
+    let error = rig.error(&warming, &[friction, cold, time, ratio], rig.start, &[], |t, u, x| {
+        let size = friction * (1.0 + cold * (-(t - start) / time).exp());
+        let taken = off(wheels(x).map(|s| size * rig.sign(s)), ratio);
+        (rig.base)([u[0] - taken[0], u[1] - taken[1]], x)
+    });
     assert!(error < 3e-4, "{error}");
 }
 
