@@ -4,8 +4,8 @@
 //! turning ratio. In channels without wheels each output has a friction of its own.
 //!
 //! A `soft` one comes up with speed, as that of a film or of a seal does before it is full: f = c s/√(s² + s_0²). A `presliding` one comes up with the
-//! [way](super::bristles) since the last reversal. A `warming` one is that of grease and seals, which rub more while they are cold: f = c (1 + a e^{−t/τ}) sgn s, t
-//! from the recording's first time on.
+//! way since the last reversal, as bristles bend. A `warming` one is that of what rubs more, or less, while it is cold, as grease and seals do:
+//! f = c (1 + a e^{−t/τ}) sgn s, t from the recording's first time on.
 
 use serde::{Deserialize, Serialize};
 use wheelwright_core::Effect;
@@ -24,7 +24,7 @@ pub struct CoulombFriction {
     /// Whether it comes up with the way since the last reversal. Default `false`.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub presliding: bool,
-    /// Whether it lessens as what rubs gets warm. Default `false`.
+    /// Whether it changes as what rubs gets warm. Default `false`.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub warming: bool,
 }
@@ -64,7 +64,7 @@ impl Effect for CoulombFriction {
         let how = match self {
             Self { soft: true, .. } => "that comes up with speed",
             Self { presliding: true, .. } => "that comes up with the way since a reversal",
-            Self { warming: true, .. } => "that lessens as it warms up",
+            Self { warming: true, .. } => "that changes as it warms up",
             _ => "of constant size",
         };
         format!("dry friction {how} at both wheels")

@@ -2,7 +2,7 @@
 //! Hélouvry, Dupont and Canudas de Wit, Automatica 30, 1994).
 //!
 //! b is what breaking away needs beyond the running friction c, v_s the speed at which it is gone. A `presliding` one comes up with the
-//! [way](super::bristles) since the last reversal.
+//! way since the last reversal, as bristles bend.
 
 use serde::{Deserialize, Serialize};
 use wheelwright_core::Effect;
