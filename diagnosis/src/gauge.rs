@@ -66,11 +66,13 @@ pub(crate) struct Elsewhere<'s, 'a> {
 }
 
 impl<'s, 'a> Elsewhere<'s, 'a> {
-    /// Where something was found that the track may matter to, and the search is not at its limit.
+    /// Where something was found that the track may matter to, and the search is not at its limit, or something goes round: that is out of step on other
+    /// data as long as the track is off.
     fn open(question: &'s Question<'a>, search: &'s Search<'a>, selected: &'s Selected, headings: Option<&'s [Vec<f64>]>) -> Option<Self> {
         let Frame::Body { .. } = search.setting.scene.frame else { return None };
         let found = selected.state.effects.len() > search.fixed(selected);
-        (found && !search.setting.exhausted()).then_some(Self { question, search, selected, headings })
+        let elsewhere = Self { question, search, selected, headings };
+        (found && (!search.setting.exhausted() || elsewhere.round())).then_some(elsewhere)
     }
 
     /// The likeliest width near the one that it is told at, if there is a likelier one. That of a profile is near enough for all but what goes round
