@@ -191,8 +191,8 @@ fn other_readout<'a>(
     }
     // Else it is one of the library's names, and was looked for among them. And to those that are known to be differenced a delay of half a sample
     // comes as near as laws are exact.
-    let explained = story.selected.gained(&story.search.setting, &story.selected.state.fit);
-    let sought = if counted { (-SHARE * explained).min(0.0) } else { story.search.penalty(1.0) - story.search.log_values() };
+    let inexact = SHARE * story.selected.gained(&story.search.setting, &story.selected.state.fit);
+    let sought = if counted { (-inexact).min(0.0) } else { story.search.penalty(1.0) - story.search.log_values() };
     if plainer(&story, &other, &base).is_none_or(|plainer| plainer - sought <= story.evidence()) {
         return Ok(story);
     }
@@ -201,7 +201,7 @@ fn other_readout<'a>(
     if better <= EXCHANGE || (!counted && contradicted(question, &rival, &story)) {
         return Ok(story);
     }
-    let rival = if counted { on_time(rival, SHARE * explained) } else { rival };
+    let rival = if counted { on_time(rival, inexact) } else { rival };
     let instead = instead.map_or_else(Vec::new, |effect| with_the_same(effect, &story.search));
     let means = Means { evidence: better, instead, base: story.selected.base.clone() };
     Ok(Story { means: Some(means), ..rival })

@@ -94,10 +94,9 @@ impl Effect for PayloadChange {
     }
 
     fn parameters(&self, scene: &Scene) -> Vec<EffectParameter> {
-        let (first, last) = scene.scales.time;
         let change = |name: &str| EffectParameter::new(name, "1", CHANGE, 0.1).neutral(0.0);
         let time = moments::parameter(scene);
-        let (whole, scale) = (last - first, time.scale);
+        let (whole, scale) = (moments::duration(scene), time.scale);
         let mut all = vec![time];
         match self.law {
             LoadLaw::Lasting => {}

@@ -225,13 +225,13 @@ impl EffectSimulator<'_> {
             // What filters and ramps make of a command hangs on no output, and the whole step of it is known before any of it is taken. A parabola
             // has the mean (u0 + 4 um + u1)/6, and the line nearest to it rises by u1 − u0.
             let m = if N == 0 { b.u.len() } else { N };
-            let (line, u) = ((&mut b.start[..m], &mut b.middle[..m]), &mut b.u[..m]);
-            line.0.copy_from_slice(u);
+            let (starts, middles, u) = (&mut b.start[..m], &mut b.middle[..m], &mut b.u[..m]);
+            starts.copy_from_slice(u);
             slots.command(&middle_at, x, state, u);
-            line.1.copy_from_slice(u);
+            middles.copy_from_slice(u);
             // Before what switches there.
             slots.command(&Instant { time: end.time - JUST * h, ..end }, x, state, u);
-            for ((start, middle), last) in line.0.iter_mut().zip(line.1).zip(&*u) {
+            for ((start, middle), last) in starts.iter_mut().zip(middles).zip(&*u) {
                 let rise = last - *start;
                 *middle = (*start + 4.0 * *middle + last) / 6.0;
                 *start = *middle - 0.5 * rise;
