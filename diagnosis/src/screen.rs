@@ -5,9 +5,10 @@
 //! amplitude where the response is proportional to it, as it is where a kink makes its shape depend on its size.
 
 use std::cell::RefCell;
+use std::ops::Range;
 use std::sync::Arc;
 
-use nalgebra::DVector;
+use nalgebra::{DMatrix, DVector};
 use wheelwright_core::effect::{Effect, EffectParameter, Start};
 use wheelwright_core::least_squares::{Limits, constrained_step};
 
@@ -181,6 +182,39 @@ impl Projected {
     }
 }
 
+/// Products of an effect's columns with each other and with the residual, which stands last, output by output: all that the gain of an amplitude
+/// hangs on.
+struct Products(Vec<DMatrix<f64>>);
+
+impl Products {
+    fn of<'c>(columns: impl Iterator<Item = &'c [f64]>, residual: &'c [f64], outputs: &[Range<usize>]) -> Self {
+        let all: Vec<&[f64]> = columns.chain(std::iter::once(residual)).collect();
+        Self(outputs.iter().map(|output| gram(&all, std::slice::from_ref(output), &[1.0])).collect())
+    }
+
+    fn columns(&self) -> usize {
+        self.0.first().map_or(0, |products| products.nrows() - 1)
+    }
+
+    /// The same over all outputs.
+    fn sum(&self) -> DMatrix<f64> {
+        let size = self.columns() + 1;
+        self.0.iter().fold(DMatrix::zeros(size, size), |sum, output| sum + output)
+    }
+
+    /// Sum of squares of all columns.
+    fn information(&self) -> f64 {
+        let columns = self.columns();
+        self.0.iter().flat_map(|output| (0..columns).map(|i| output[(i, i)])).sum()
+    }
+
+    /// Sum of squares of each output where columns with amplitudes are taken off the residual.
+    fn left(&self, amplitude: &[f64]) -> Vec<f64> {
+        let weights = DVector::from_iterator(amplitude.len() + 1, amplitude.iter().map(|a| -a).chain(std::iter::once(1.0)));
+        self.0.iter().map(|output| weights.dot(&(output * &weights))).collect()
+    }
+}
+
 /// Residual and orthonormal columns of the current model, outputs weighted: what responses are projected with.
 pub(crate) struct Projection<'s, 'a> {
     setting: &'s Setting<'a>,
@@ -241,80 +275,73 @@ impl<'s, 'a> Projection<'s, 'a> {
         (rest.is_finite() && rest > OWN * OWN * size && rest > 0.0).then_some(column)
     }
 
-    /// Twice the log-likelihood of what is left, against that of the model.
-    fn gain(&self, left: &[f64]) -> f64 {
+    /// Twice the log-likelihood of what amplitudes leave, against that of the model.
+    fn gain(&self, products: &Products, amplitude: &[f64]) -> f64 {
         let rows = self.setting.layout.counted();
-        let squares = |values: &[f64]| -> Vec<f64> {
-            parts(self.setting).into_iter().zip(&self.roots).map(|(p, root)| dot(&values[p.clone()], &values[p]) / (root * root)).collect()
+        let of = |amplitude: &[f64]| -> f64 {
+            let left = products.left(amplitude);
+            likelihood(&left.iter().zip(&self.roots).map(|(left, root)| left / (root * root)).collect::<Vec<f64>>(), rows)
         };
-        likelihood(&squares(left), rows) - likelihood(&squares(&self.residual), rows)
+        of(amplitude) - of(&vec![0.0; amplitude.len()])
     }
 
     /// The best candidate that a response makes. `known` are the columns of the same effect that were projected already.
     pub(crate) fn candidate(&self, index: usize, response: &Response, known: &mut Projected) -> Candidate {
         let columns: Vec<Option<Shared>> = response.columns.iter().map(|c| known.of(c, self)).collect();
-        let information = columns.iter().flatten().map(|c| dot(c, c)).sum();
         let shown: Vec<usize> = (0..columns.len()).filter(|c| columns[*c].is_some()).collect();
-        let (amplitude, gain) = self.amplitudes(response, &columns, shown.clone());
-        let mut best = (amplitude, gain);
+        let products = Products::of(columns.iter().flatten().map(|c| &c[..]), &self.residual, &parts(self.setting));
+        let one_sided: Vec<bool> = shown.iter().map(|c| one_sided(response, *c)).collect();
+        let mut best = self.amplitudes(&products, &one_sided);
         if !response.start.linear {
-            let mut fixed = self.whole(&columns, &shown);
+            let mut whole = self.whole(&products);
             // A grid point counts as it is; a free amplitude says that a smaller or larger one would fit.
-            fixed.1 = fixed.1.max(best.1);
-            best = fixed;
+            whole.1 = whole.1.max(best.1);
+            best = whole;
         }
-        let (amplitude, gain) = best;
+        let (found, gain) = best;
+        let mut amplitude = vec![0.0; columns.len()];
+        shown.iter().zip(found).for_each(|(c, a)| amplitude[*c] = a);
         let freedom = amplitude.iter().filter(|a| **a != 0.0).count().max(1);
         let values = values_of(&response.parameters, &response.start, &|c| amplitude[c]);
-        Candidate { effect: response.effect, response: index, amplitude, values, gain, freedom, information }
+        Candidate { effect: response.effect, response: index, amplitude, values, gain, freedom, information: products.information() }
     }
 
     /// Amplitudes by least squares, columns left out whose amplitude would lie beyond a bound.
-    fn amplitudes(&self, response: &Response, columns: &[Option<Shared>], mut shown: Vec<usize>) -> (Vec<f64>, f64) {
-        let mut amplitude = vec![0.0; columns.len()];
+    fn amplitudes(&self, products: &Products, one_sided: &[bool]) -> (Vec<f64>, f64) {
+        let all = products.sum();
+        let mut amplitude = vec![0.0; one_sided.len()];
+        let mut shown: Vec<usize> = (0..one_sided.len()).collect();
         while !shown.is_empty() {
-            let of: Vec<&[f64]> = shown.iter().filter_map(|c| columns[*c].as_deref().map(Vec::as_slice)).collect();
-            let whole = std::iter::once(0..self.residual.len()).collect::<Vec<_>>();
-            let inverse = Directions::of(&gram(&of, &whole, &[1.0])).inverse();
-            let right = DVector::from_iterator(of.len(), of.iter().map(|c| dot(c, &self.residual)));
+            let inverse = Directions::of(&all.select_rows(&shown).select_columns(&shown)).inverse();
+            let right = DVector::from_iterator(shown.len(), shown.iter().map(|i| all[(*i, one_sided.len())]));
             let found = inverse * right;
-            let against = (0..shown.len()).filter(|i| found[*i] < 0.0 && one_sided(response, shown[*i]));
-            match against.min_by(|a, b| found[*a].total_cmp(&found[*b])) {
-                Some(worst) => {
-                    shown.remove(worst);
-                }
-                None => {
-                    let mut left = self.residual.clone();
-                    of.iter().zip(found.iter()).for_each(|(c, a)| add(&mut left, -a, c));
-                    shown.iter().zip(found.iter()).for_each(|(c, a)| amplitude[*c] = *a);
-                    return (amplitude, self.gain(&left));
-                }
-            }
+            let against = (0..shown.len()).filter(|i| found[*i] < 0.0 && one_sided[shown[*i]]);
+            let Some(worst) = against.min_by(|a, b| found[*a].total_cmp(&found[*b])) else {
+                shown.iter().zip(found.iter()).for_each(|(i, a)| amplitude[*i] = *a);
+                break;
+            };
+            shown.remove(worst);
         }
-        (amplitude, 0.0)
+        let gain = self.gain(products, &amplitude);
+        (amplitude, gain)
     }
 
     /// Each column as it is or not at all, whichever leaves less.
-    fn whole(&self, columns: &[Option<Shared>], shown: &[usize]) -> (Vec<f64>, f64) {
-        let mut amplitude = vec![0.0; columns.len()];
-        let (mut left, mut best) = (self.residual.clone(), f64::NEG_INFINITY);
-        let mut open: Vec<usize> = shown.to_vec();
-        while !open.is_empty() {
-            let with = |c: usize| {
-                let mut trial = left.clone();
-                if let Some(column) = &columns[c] {
-                    add(&mut trial, -1.0, column);
-                }
-                (self.gain(&trial), trial)
+    fn whole(&self, products: &Products) -> (Vec<f64>, f64) {
+        let mut amplitude = vec![0.0; products.columns()];
+        let mut best = f64::NEG_INFINITY;
+        let mut open: Vec<usize> = (0..amplitude.len()).collect();
+        loop {
+            let with = |i: usize| {
+                let mut trial = amplitude.clone();
+                trial[i] = 1.0;
+                self.gain(products, &trial)
             };
-            let tried: Vec<(usize, (f64, Vec<f64>))> = open.iter().map(|c| (*c, with(*c))).collect();
-            let Some((c, (gain, trial))) = tried.into_iter().max_by(|a, b| a.1.0.total_cmp(&b.1.0)) else { break };
-            if gain <= best {
-                break;
-            }
-            (best, left) = (gain, trial);
-            amplitude[c] = 1.0;
-            open.retain(|o| *o != c);
+            let tried = open.iter().map(|i| (*i, with(*i)));
+            let Some((i, gain)) = tried.max_by(|a, b| a.1.total_cmp(&b.1)).filter(|(_, gain)| *gain > best) else { break };
+            best = gain;
+            amplitude[i] = 1.0;
+            open.retain(|o| *o != i);
         }
         (amplitude, if best.is_finite() { best } else { 0.0 })
     }

@@ -42,6 +42,7 @@ impl Frame {
     }
 
     /// Half the track width \[m\]; not a number where there are no wheels.
+    #[inline]
     pub fn half_track(&self) -> f64 {
         match *self {
             Self::Body { half_track } | Self::Sides { half_track } => half_track,
@@ -50,6 +51,7 @@ impl Frame {
     }
 
     /// Left and right of a pair of inputs or outputs. For the body frame the ground speeds of the wheels.
+    #[inline]
     pub fn wheels(&self, pair: &[f64]) -> [f64; 2] {
         match *self {
             Self::Body { half_track: h } => [pair[0] - h * pair[1], pair[0] + h * pair[1]],
@@ -58,6 +60,7 @@ impl Frame {
     }
 
     /// Forward and angular part of a pair of inputs or outputs.
+    #[inline]
     pub fn body(&self, pair: &[f64]) -> [f64; 2] {
         match *self {
             Self::Sides { half_track: h } => [0.5 * (pair[0] + pair[1]), (pair[1] - pair[0]) / (2.0 * h)],
@@ -66,6 +69,7 @@ impl Frame {
     }
 
     /// The pair of inputs or outputs of a left and a right value; the inverse of [`wheels`](Self::wheels).
+    #[inline]
     pub fn from_wheels(&self, [left, right]: [f64; 2]) -> [f64; 2] {
         match *self {
             Self::Body { half_track: h } => [0.5 * (left + right), (right - left) / (2.0 * h)],
@@ -74,6 +78,7 @@ impl Frame {
     }
 
     /// The pair of inputs or outputs of a forward and an angular value; the inverse of [`body`](Self::body).
+    #[inline]
     pub fn from_body(&self, [forward, turn]: [f64; 2]) -> [f64; 2] {
         match *self {
             Self::Sides { half_track: h } => [forward - h * turn, forward + h * turn],
@@ -84,6 +89,7 @@ impl Frame {
     /// Adds loads at the wheels. In the body frame the two axes have control loops of their own, so a force counts
     /// differently on each: `rho` is the ratio of the force-to-command gains of forward and angular motion, 1 where the
     /// loops are closed on the wheels.
+    #[inline]
     pub fn add_at_wheels(&self, [left, right]: [f64; 2], rho: f64, load: &mut [f64]) {
         let mut pair = self.from_wheels([left, right]);
         if matches!(self, Self::Body { .. }) {
@@ -105,6 +111,7 @@ impl Frame {
     }
 
     /// Adds loads on forward and angular motion.
+    #[inline]
     pub fn add_at_body(&self, axes: [f64; 2], load: &mut [f64]) {
         let pair = self.from_body(axes);
         load[0] += pair[0];

@@ -1,7 +1,7 @@
 //! Play in the gears: while a motor crosses the gap nothing arrives at its wheel.
 //!
-//! Of what it takes to hold a speed, θ4 and θ6 for forward and angular motion, a share β is the drag of wheels and ground, `behind` the gap;
-//! the rest κ = (1 − β) θ is what loop and motor take. So a motor that moves nothing runs at the speed u/κ, u its command. Where its teeth
+//! Of what it takes to hold a speed, θ4 and θ6 for forward and angular motion, a share β is the drag of wheels and ground, `behind` the gap, another
+//! in turning than straight on; the rest κ = (1 − β) θ is what loop and motor take. So a motor that moves nothing runs at the speed u/κ, u its command. Where its teeth
 //! touch the flank towards which it wants to go, the wheel keeps it back, and what the loop gives for that, u − κ s at the wheel's speed s,
 //! goes to the wheel: to its inertia and to whatever brakes the robot. In the gap, |z| < g/2 from flank to flank at the rim, the wheel
 //! gets nothing of it, and the motor runs ahead of it by z'. Its own inertia lets it come up in the time σ, `spin_up`:
@@ -48,10 +48,8 @@ const GAPS: [f64; 6] = [0.006, 0.011, 0.019, 0.034, 0.06, 0.1];
 
 /// Shares of the drag that are tried as those behind the gap.
 const BEHIND: [f64; 3] = [0.01, 0.04, 0.15];
-/// How much of the drag is behind the gap on most robots: bearings and ground take little of what a loop does.
-const LITTLE: f64 = 0.1;
-/// Most of it that may be.
-const MOST: f64 = 0.95;
+/// The share in turning is more on many robots: tyres, castors and more than two wheels are dragged sideways.
+const MORE: f64 = 0.3;
 /// Factors by which a gap, a time to come up to speed and a share of the drag beside those found are looked at as well.
 const BESIDE: [f64; 3] = [1.06, 1.5, 1.25];
 /// Motor's time to come up to speed, to begin with \[s\].
@@ -80,14 +78,14 @@ impl Effect for Backlash {
 
     fn parameters(&self, scene: &Scene) -> Vec<EffectParameter> {
         let h = scene.frame.half_track();
-        let behind = EffectParameter::new("behind", "1", (0.0, MOST), 0.2 * LITTLE).usually(0.0, LITTLE);
         let gap = EffectParameter::new("gap", "m", (0.0, 0.5 * h), 0.004 * h).neutral(0.0);
-        [gap, force::spin_up(), behind].into_iter().chain(force::turning_ratio(scene)).collect()
+        let behind = [force::behind("behind"), force::behind("behind_turning").usually(0.0, MORE)];
+        [gap, force::spin_up()].into_iter().chain(behind).chain(force::turning_ratio(scene)).collect()
     }
 
     fn starts(&self, scene: &Scene) -> Vec<Start> {
         let h = scene.frame.half_track();
-        let values = |gap: f64, behind: f64| force::with_ratio(scene, &[gap * h, SPIN_UP, behind]);
+        let values = |gap: f64, behind: f64| force::with_ratio(scene, &[gap * h, SPIN_UP, behind, behind]);
         let start = |gap: f64, behind: f64| Start { values: values(gap, behind), columns: vec![vec![0]], linear: false };
         GAPS.into_iter().flat_map(|gap| BEHIND.map(|behind| start(gap, behind))).collect()
     }
@@ -99,7 +97,7 @@ impl Effect for Backlash {
             other[i] *= factor;
             other
         };
-        let within = |v: &Vec<f64>| v[2] <= MOST;
+        let within = |v: &Vec<f64>| v[2] <= force::MOST_BEHIND;
         BESIDE.into_iter().enumerate().flat_map(|(i, by)| [(i, 1.0 / by), (i, by)]).map(other).filter(within).collect()
     }
 
@@ -257,7 +255,7 @@ impl Moment {
 
 /// The loops of what is before the gap.
 fn loops(p: &[f64], frame: &Frame, motion: &Motion<'_>) -> Loops {
-    Loops::of(frame, motion, p.get(3), 1.0 - p[2])
+    Loops::of(frame, motion, p.get(4), [1.0 - p[2], 1.0 - p[3]])
 }
 
 /// Both motors, now or as they were at the start of the step.

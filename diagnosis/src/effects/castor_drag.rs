@@ -57,6 +57,9 @@ const TRANSFER: usize = 2;
 const HIGHEST: f64 = 10.0;
 const HIGH: f64 = 2.0;
 
+/// Turn within a step below which four terms of its tangent, or hyperbolic tangent, are exact to nine digits.
+const SMALL: f64 = 0.08;
+
 /// How far from straight a castor usually stands where a robot was left \[rad\], and how far apart others are looked at.
 const LEFT: f64 = 1.5;
 const TURNS: [f64; 5] = [-2.0, -1.0, 1.0, 2.0, 3.0];
@@ -275,8 +278,8 @@ impl Effect for CastorDrag {
         let square = half * half * (a * a + b * b - c * c);
         let size = square.abs().sqrt();
         // Of exp(M half) only the direction counts: divided by the hyperbolic cosine it does not overflow.
-        let (kept, turned) = match (size < 1e-9, square > 0.0) {
-            (true, _) => (1.0, half),
+        let (kept, turned) = match (size < SMALL, square > 0.0) {
+            (true, _) => (1.0, half * (1.0 - square * (1.0 / 3.0 - square * (2.0 / 15.0 - square * 17.0 / 315.0)))),
             (false, true) => (1.0, half * size.tanh() / size),
             (false, false) => (size.cos(), half * size.sin() / size),
         };

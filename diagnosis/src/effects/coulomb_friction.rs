@@ -1,56 +1,63 @@
-//! Dry friction of constant size at both wheels: f = c sgn s on each, s the wheel's ground speed.
+//! Dry friction at both wheels: f = c sgn s on each, s the wheel's ground speed.
 //!
 //! In the body frame it uses up (f_R + f_L)/2 of the forward command and ρ (f_R − f_L)/(2h) of the turning command, ρ the
 //! turning ratio. In channels without wheels each output has a friction of its own.
 //!
 //! A `soft` one comes up with speed, as that of a film or of a seal does before it is full: f = c s/√(s² + s_0²). A `presliding` one comes up with the
 //! way since the last reversal, as bristles bend. A `warming` one is that of what rubs more, or less, while it is cold, as grease and seals do:
-//! f = c (1 + a e^{−t/τ}) sgn s, t from the recording's first time on.
+//! f = c (1 + a e^{−t/τ}) sgn s, t from the recording's first time on. A `geared` one grows with the torque that is passed on, as that of teeth and
+//! worms does: f = (c + κ |T|) sgn s, T what the motor gives by the command and what loop and motor withdraw of it.
 
 use serde::{Deserialize, Serialize};
 use wheelwright_core::Effect;
 use wheelwright_core::effect::{Confusion, EffectParameter, Estimate, Instant, Motion, Scene, Stage, Start};
 
-use super::words::{quantity, scaled};
+use super::loops::Loops;
+use super::words::{quantity, scaled, smooth_sign};
 use super::{bristles, force, trend};
+
+/// What the size of dry friction hangs on.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum FrictionLaw {
+    /// On nothing.
+    #[default]
+    Constant,
+    /// On speed: it comes up with it.
+    Soft,
+    /// On the way since the last reversal, with which it comes up.
+    Presliding,
+    /// On time: it changes as what rubs gets warm.
+    Warming,
+    /// On the torque that the gears pass on.
+    Geared,
+}
 
 /// Coulomb friction.
 #[derive(Debug, Clone, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct CoulombFriction {
-    /// Whether it comes up with speed. Default `false`: it is whole as soon as a wheel turns.
-    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
-    pub soft: bool,
-    /// Whether it comes up with the way since the last reversal. Default `false`.
-    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
-    pub presliding: bool,
-    /// Whether it changes as what rubs gets warm. Default `false`.
-    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
-    pub warming: bool,
+    /// What its size hangs on. Default `constant`.
+    #[serde(default)]
+    pub law: FrictionLaw,
 }
 
 /// How much more there is in the cold at most, and what is tried.
 const COLD: (f64, f64) = (10.0, 0.5);
+/// Share of the torque that gears lose at most, beyond which no motion of the wheel could turn the motor, and what is tried.
+const LOST: (f64, f64) = (0.9, 0.15);
 
 impl CoulombFriction {
-    /// By what it comes up, if not at once.
-    fn rise(&self, scene: &Scene) -> Option<EffectParameter> {
-        match (self.soft, self.presliding) {
-            (true, _) => Some(force::softness(scene)),
-            (_, true) => Some(bristles::length(scene)),
-            _ => None,
+    /// What its size hangs on, but for the size itself and the turning ratio.
+    fn own(&self, scene: &Scene) -> Vec<EffectParameter> {
+        let share = |name: &str, bounds: (f64, f64), scale: f64| EffectParameter::new(name, "1", bounds, scale).neutral(0.0);
+        match self.law {
+            FrictionLaw::Constant => Vec::new(),
+            FrictionLaw::Soft => vec![force::softness(scene)],
+            FrictionLaw::Presliding => vec![bristles::length(scene)],
+            FrictionLaw::Warming => vec![share("cold", (-1.0, COLD.0), COLD.1), trend::parameter("warming_time", scene)],
+            FrictionLaw::Geared => vec![share("of_torque", (0.0, LOST.0), LOST.1), force::behind("behind")],
         }
-    }
-
-    /// How much more of it there is in the cold, and the time in which it warms up.
-    fn cold(&self, scene: &Scene) -> Vec<EffectParameter> {
-        let more = EffectParameter::new("cold", "1", (-1.0, COLD.0), COLD.1).neutral(0.0);
-        if self.warming { vec![more, trend::parameter("warming_time", scene)] } else { Vec::new() }
-    }
-
-    /// Its size at a time, in terms of that when it is warm.
-    fn by_then(&self, p: &[f64], at: &Instant<'_>) -> f64 {
-        if self.warming { 1.0 + p[0] * trend::left(p[1], at) } else { 1.0 }
     }
 }
 
@@ -61,17 +68,18 @@ impl Effect for CoulombFriction {
     }
 
     fn about(&self) -> String {
-        let how = match self {
-            Self { soft: true, .. } => "that comes up with speed",
-            Self { presliding: true, .. } => "that comes up with the way since a reversal",
-            Self { warming: true, .. } => "that changes as it warms up",
-            _ => "of constant size",
+        let how = match self.law {
+            FrictionLaw::Constant => "of constant size",
+            FrictionLaw::Soft => "that comes up with speed",
+            FrictionLaw::Presliding => "that comes up with the way since a reversal",
+            FrictionLaw::Warming => "that changes as it warms up",
+            FrictionLaw::Geared => "that grows with the torque the gears pass on",
         };
         format!("dry friction {how} at both wheels")
     }
 
     fn stage(&self) -> Stage {
-        Stage::Bearing
+        if self.law == FrictionLaw::Geared { Stage::Drive } else { Stage::Bearing }
     }
 
     fn family(&self) -> &str {
@@ -79,39 +87,45 @@ impl Effect for CoulombFriction {
     }
 
     fn inapplicable(&self, scene: &Scene) -> Option<String> {
-        if self.soft || self.presliding { force::needs_wheels(scene) } else { force::needs_commands(scene) }
+        match self.law {
+            FrictionLaw::Constant | FrictionLaw::Warming => force::needs_commands(scene),
+            FrictionLaw::Soft | FrictionLaw::Presliding | FrictionLaw::Geared => force::needs_wheels(scene),
+        }
     }
 
     fn parameters(&self, scene: &Scene) -> Vec<EffectParameter> {
-        let how = self.rise(scene).into_iter().chain(self.cold(scene));
-        force::sizes(scene, "friction").into_iter().chain(how).chain(force::turning_ratio(scene)).collect()
+        force::sizes(scene, "friction").into_iter().chain(self.own(scene)).chain(force::turning_ratio(scene)).collect()
     }
 
     fn starts(&self, scene: &Scene) -> Vec<Start> {
-        let sizes = force::sizes(scene, "friction");
-        let rise = self.rise(scene);
-        let scales: Vec<f64> = sizes.iter().chain(&rise).map(|p| p.scale).collect();
-        let columns: Vec<Vec<usize>> = (0..sizes.len()).map(|i| vec![i]).collect();
-        if !self.warming {
-            return force::starts(scene, &scales, &columns);
-        }
-        let within = |time: f64| force::starts(scene, &[&scales[..], &[COLD.1, time]].concat(), &columns);
-        trend::times(scene).into_iter().flat_map(within).collect()
+        let scales = |of: &[EffectParameter]| of.iter().map(|p| p.scale).collect::<Vec<f64>>();
+        let sizes = scales(&force::sizes(scene, "friction"));
+        let mut columns: Vec<Vec<usize>> = (0..sizes.len()).map(|i| vec![i]).collect();
+        let tried: Vec<Vec<f64>> = match self.law {
+            FrictionLaw::Warming => trend::times(scene).map(|time| vec![COLD.1, time]).into(),
+            FrictionLaw::Geared => {
+                columns.push(vec![sizes.len()]);
+                vec![vec![LOST.1, 0.0]]
+            }
+            _ => vec![scales(&self.own(scene))],
+        };
+        tried.iter().flat_map(|own| force::starts(scene, &[&sizes[..], own].concat(), &columns)).collect()
     }
 
     fn statement(&self, values: &[Estimate], scene: &Scene) -> String {
         let whose = if scene.frame.has_wheels() { "at each wheel".to_owned() } else { format!("on `{}`", scene.outputs[0].name) };
-        let comes_up = match self {
-            Self { soft: true, .. } => force::comes_up(Some(values[1])),
-            Self { presliding: true, .. } => bristles::comes_up(values[1]),
-            Self { warming: true, .. } => {
-                let n = force::contacts(scene);
-                let (cold, within) = (values[n], quantity(values[n + 1], "s"));
+        let own = &values[force::contacts(scene)..];
+        let comes_up = match self.law {
+            FrictionLaw::Constant => String::new(),
+            FrictionLaw::Soft => force::comes_up(Some(own[0])),
+            FrictionLaw::Presliding => bristles::comes_up(own[0]),
+            FrictionLaw::Warming => {
+                let (cold, within) = (own[0], quantity(own[1], "s"));
                 let share = quantity(scaled(cold, |x| 100.0 * x * cold.value.signum()), "%");
                 let word = if cold.value < 0.0 { "less" } else { "more" };
                 format!(" when it is warm, and {share} {word} in the cold, most of which is gone within {within}")
             }
-            _ => String::new(),
+            FrictionLaw::Geared => format!(" and {} of what the gears pass on", quantity(scaled(own[0], |x| 100.0 * x), "%")),
         };
         format!("dry friction {whose} uses up {}{comes_up}; the model had none", force::in_words(values[0], scene))
     }
@@ -147,33 +161,48 @@ impl Effect for CoulombFriction {
     }
 
     fn stands_in(&self) -> bool {
-        self.presliding || self.warming
+        !matches!(self.law, FrictionLaw::Constant | FrictionLaw::Soft)
     }
 
     fn states(&self, _scene: &Scene) -> usize {
-        if self.presliding { bristles::STATES } else { 0 }
+        if self.law == FrictionLaw::Presliding { bristles::STATES } else { 0 }
     }
 
     fn begin(&self, _p: &[f64], at: &Instant<'_>, _inputs: &[f64], outputs: &[f64], state: &mut [f64]) {
-        if self.presliding {
+        if self.law == FrictionLaw::Presliding {
             bristles::begin(at, outputs, state, |_| 1.0);
         }
     }
 
     fn advance(&self, p: &[f64], at: &Instant<'_>, motion: &Motion<'_>, _drive: &[f64], state: &mut [f64]) {
-        if self.presliding {
+        if self.law == FrictionLaw::Presliding {
             bristles::advance(p[1], at, motion, state, |_| 1.0);
         }
     }
 
     fn load(&self, p: &[f64], at: &Instant<'_>, outputs: &[f64], state: &[f64], load: &mut [f64]) {
-        if self.presliding {
-            bristles::load(p[0], at, state, p.get(2), load);
+        let own = &p[force::contacts(at.scene)..];
+        match self.law {
+            FrictionLaw::Geared => {}
+            FrictionLaw::Presliding => bristles::load(p[0], at, state, own.get(1), load),
+            FrictionLaw::Constant => force::at_contacts(at, outputs, own.first(), None, load, |contact, _, sign| p[contact] * sign),
+            FrictionLaw::Soft => force::at_contacts(at, outputs, own.get(1), Some(own[0]), load, |contact, _, sign| p[contact] * sign),
+            FrictionLaw::Warming => {
+                let by_then = 1.0 + own[0] * trend::left(own[1], at);
+                force::at_contacts(at, outputs, own.get(2), None, load, |contact, _, sign| by_then * p[contact] * sign);
+            }
+        }
+    }
+
+    fn drive(&self, p: &[f64], at: &Instant<'_>, motion: &Motion<'_>, _state: &[f64], drive: &mut [f64]) {
+        if self.law != FrictionLaw::Geared {
             return;
         }
-        let n = force::contacts(at.scene);
-        let (ratio, comes_up_by) = (p.get(n + usize::from(self.soft) + 2 * usize::from(self.warming)), self.soft.then(|| p[n]));
-        let by_then = self.by_then(&p[n..], at);
-        force::at_contacts(at, outputs, ratio, comes_up_by, load, |contact, _, sign| by_then * p[contact] * sign);
+        let (frame, typical) = (&at.scene.frame, at.scene.scales.speed);
+        let loops = Loops::of(frame, motion, p.get(3), [1.0 - p[2]; 2]);
+        let (told, withdrawn, speeds) = (loops.at_wheels(motion.u), loops.withdrawn(motion.outputs), frame.wheels(motion.outputs));
+        let rubs = |i: usize| -(p[0] + p[1] * (told[i] - withdrawn[i]).abs()) * smooth_sign(speeds[i], typical);
+        let lost = loops.of_wheels([0, 1].map(rubs));
+        drive.iter_mut().zip(lost).for_each(|(drive, lost)| *drive += lost);
     }
 }

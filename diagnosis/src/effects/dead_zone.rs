@@ -10,7 +10,7 @@ use wheelwright_core::effect::{Confusion, EffectParameter, Estimate, Instant, Mo
 
 use super::force::{self, Wheel};
 use super::parts::{Axis, Parts, shares};
-use super::words::{KINK, each, quantity};
+use super::words::{KINK, each, passage, quantity};
 
 /// A threshold in the command path: a drive that does not turn below some command, a joystick's or a controller's dead band.
 #[derive(Debug, Clone, Default, Serialize, Deserialize)]
@@ -141,7 +141,7 @@ impl Effect for DeadZone {
             } else {
                 // A steep passage in place of a jump: narrow against any command that matters, and there is a slope to climb.
                 let width = (KINK * typical).min(0.25 * threshold);
-                0.5 * command * (1.0 + ((size - threshold) / width).tanh())
+                command * passage((size - threshold) / width)
             }
         });
     }

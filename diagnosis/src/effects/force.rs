@@ -80,6 +80,17 @@ pub(super) fn feedback() -> EffectParameter {
     EffectParameter::new("feedback", "1", (0.0, 1.0), 0.2 * FED_BACK).usually(1.0, FED_BACK)
 }
 
+/// How much of what it takes to hold a speed is the drag of bearings and ground on most robots, which are behind motor and gears: little of what a loop
+/// does.
+const LITTLE: f64 = 0.1;
+/// Most of it that may be.
+pub(super) const MOST_BEHIND: f64 = 0.95;
+
+/// Share of what it takes to hold a speed that is the drag of wheels and ground; the rest is what loop and motor take.
+pub(super) fn behind(name: &str) -> EffectParameter {
+    EffectParameter::new(name, "1", (0.0, MOST_BEHIND), 0.2 * LITTLE).usually(0.0, LITTLE)
+}
+
 /// Unit of a force at a wheel; of the first channel's where there are none.
 pub(super) fn unit(scene: &Scene) -> &str {
     match scene.frame {

@@ -17,13 +17,16 @@ pub(super) struct Loops {
 }
 
 impl Loops {
-    /// A share of what holds the robot back.
-    pub(super) fn of(frame: &Frame, motion: &Motion<'_>, ratio: Option<&f64>, share: f64) -> Self {
-        let (ratio, d) = (ratio.copied().unwrap_or(1.0), [0, 1, 2, 3].map(|i| share * motion.drag[i]));
-        let (own, cross) = match frame {
-            Frame::Body { .. } => ([0.5 * (d[0] + d[3] / ratio); 2], [0.5 * (d[0] - d[3] / ratio); 2]),
-            _ => ([d[0], d[3]], [d[1], d[2]]),
+    /// Shares of what holds the robot back, driving straight on and turning.
+    pub(super) fn of(frame: &Frame, motion: &Motion<'_>, ratio: Option<&f64>, [straight, turning]: [f64; 2]) -> Self {
+        let (ratio, d) = (ratio.copied().unwrap_or(1.0), motion.drag);
+        // What holds a wheel back where both go alike, and where they go against each other.
+        let (alike, against) = match frame {
+            Frame::Body { .. } => ([d[0]; 2], [d[3] / ratio; 2]),
+            _ => ([d[0] + d[1], d[3] + d[2]], [d[0] - d[1], d[3] - d[2]]),
         };
+        let half = |i: usize| (0.5 * straight * alike[i], 0.5 * turning * against[i]);
+        let (own, cross) = ([0, 1].map(|i| half(i).0 + half(i).1), [0, 1].map(|i| half(i).0 - half(i).1));
         Self { frame: *frame, ratio, own, cross }
     }
 

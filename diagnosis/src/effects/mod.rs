@@ -85,7 +85,7 @@ pub use battery_sag::{BatterySag, SagLaw};
 pub use castor_drag::{CastorDrag, CastorKind};
 pub use command_delay::CommandDelay;
 pub use command_offset::CommandOffset;
-pub use coulomb_friction::CoulombFriction;
+pub use coulomb_friction::{CoulombFriction, FrictionLaw};
 pub use coulomb_friction_one_wheel::CoulombFrictionOneWheel;
 pub use dead_zone::DeadZone;
 pub use direction_asymmetry::DirectionAsymmetry;
@@ -200,9 +200,10 @@ fn sensors() -> Vec<Box<dyn Effect>> {
 fn dynamics() -> Vec<Box<dyn Effect>> {
     vec![
         Box::new(CoulombFriction::default()),
-        Box::new(CoulombFriction { soft: true, ..CoulombFriction::default() }),
-        Box::new(CoulombFriction { presliding: true, ..CoulombFriction::default() }),
-        Box::new(CoulombFriction { warming: true, ..CoulombFriction::default() }),
+        Box::new(CoulombFriction { law: FrictionLaw::Soft }),
+        Box::new(CoulombFriction { law: FrictionLaw::Presliding }),
+        Box::new(CoulombFriction { law: FrictionLaw::Warming }),
+        Box::new(CoulombFriction { law: FrictionLaw::Geared }),
         Box::new(CoulombFrictionOneWheel { wheel: Some(Wheel::Left) }),
         Box::new(CoulombFrictionOneWheel { wheel: Some(Wheel::Right) }),
         Box::new(CoulombFrictionOneWheel { wheel: None }),

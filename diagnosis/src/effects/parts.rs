@@ -107,6 +107,7 @@ impl Parts {
     }
 
     /// Left and right, or forward and turning, of a pair of commands.
+    #[inline]
     fn pair(self, u: &[f64]) -> Option<[f64; 2]> {
         match self.cut {
             Cut::Channels => None,
@@ -116,6 +117,7 @@ impl Parts {
     }
 
     /// The number of a part's parameter, if the effect acts on the part.
+    #[inline]
     pub(super) fn parameter_of(self, part: usize) -> Option<usize> {
         match (self.cut, self.only) {
             (Cut::Channels, _) | (Cut::Axes(_), None) => Some(part),
@@ -133,13 +135,17 @@ impl Parts {
     }
 
     /// Replaces each part of a command: `change` gets the number of the part, the number of its parameter and its value.
+    #[inline]
     pub(super) fn change(self, u: &mut [f64], mut change: impl FnMut(usize, usize, f64) -> f64) {
         let Some(pair) = self.pair(u) else {
             u.iter_mut().enumerate().for_each(|(i, u)| *u = change(i, i, *u));
             return;
         };
         // By the difference, so that what does nothing changes nothing.
-        let difference = [0, 1].map(|i| self.parameter_of(i).map_or(0.0, |p| change(i, p, pair[i]) - pair[i]));
+        let mut difference = [0.0; 2];
+        for (i, (difference, command)) in difference.iter_mut().zip(pair).enumerate() {
+            *difference = self.parameter_of(i).map_or(0.0, |p| change(i, p, command) - command);
+        }
         let difference = match self.cut {
             Cut::Wheels(frame) => frame.from_wheels(difference),
             Cut::Axes(frame) => frame.from_body(difference),

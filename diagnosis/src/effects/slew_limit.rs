@@ -81,14 +81,14 @@ fn leg(from: f64, to: f64, rates: [f64; 3]) -> (f64, f64) {
 /// Where a command is after a time on its way.
 fn ramped(from: f64, to: f64, rates: [f64; 3], span: f64) -> f64 {
     let (end, rate) = leg(from, to, rates);
-    let time = (end - from).abs() / rate;
-    if time > span {
+    let way = (end - from).abs();
+    if way > rate * span {
         from + (rate * span).copysign(end - from)
-    } else if end == 0.0 {
-        // On from zero.
-        (rates[0] * (span - time)).min(to.abs()).copysign(to)
-    } else {
+    } else if end == to {
         to
+    } else {
+        // On from zero.
+        (rates[0] * (span - way / rate)).min(to.abs()).copysign(to)
     }
 }
 

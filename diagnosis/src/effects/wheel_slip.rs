@@ -217,7 +217,7 @@ impl Effect for WheelSlip {
 
 impl WheelSlip {
     fn loops(&self, p: &[f64], frame: &Frame, motion: &Motion<'_>) -> Loops {
-        Loops::of(frame, motion, p.get(if self.law == SlipLaw::Creep { 2 } else { 3 }), 1.0)
+        Loops::of(frame, motion, p.get(if self.law == SlipLaw::Creep { 2 } else { 3 }), [1.0; 2])
     }
 
     /// What each wheel stands on.

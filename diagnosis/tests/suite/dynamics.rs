@@ -5,8 +5,9 @@ use wheelwright_core::effect::{Effect, EffectSimulator, Instant, Track};
 use wheelwright_core::simulation::Readout;
 use wheelwright_diagnosis::effects::{
     ActuatorLag, Backlash, BatterySag, Between, CastorDrag, CastorKind, CoulombFriction, CoulombFrictionOneWheel, DeadZone,
-    DirectionAsymmetry, GainAsymmetry, IntegralAction, LateralComOffset, LoadLaw, PayloadChange, QuadraticDrag, RollingResistance, SagLaw,
-    ScrubLaw, SlipLaw, Slope, Speeds, StribeckFriction, TurningScrub, ViscousAsymmetry, Wheel, WheelRadiusMismatch, WheelSlip,
+    DirectionAsymmetry, FrictionLaw, GainAsymmetry, IntegralAction, LateralComOffset, LoadLaw, PayloadChange, QuadraticDrag,
+    RollingResistance, SagLaw, ScrubLaw, SlipLaw, Slope, Speeds, StribeckFriction, TurningScrub, ViscousAsymmetry, Wheel,
+    WheelRadiusMismatch, WheelSlip,
 };
 
 /// Ground speeds of left and right wheel in the body frame.
@@ -104,9 +105,7 @@ fn soft_friction_comes_up_with_speed() {
     let rig = body();
     let law = |s: f64, c: f64| c * (s / slow).atan().sin();
     let values = [forward, slow, ratio];
-    let error = rig.load_error(&CoulombFriction { soft: true, ..CoulombFriction::default() }, &values, |x| {
-        off(wheels(x).map(|s| law(s, forward)), ratio)
-    });
+    let error = rig.load_error(&CoulombFriction { law: FrictionLaw::Soft }, &values, |x| off(wheels(x).map(|s| law(s, forward)), ratio));
     assert!(error < 3e-4, "{error}");
     let values = [forward, backward, slow, ratio];
     let by_direction = |s: f64| law(s, if s > 0.0 { forward } else { backward });
@@ -119,13 +118,32 @@ fn friction_of_what_warms_up_changes_with_time() {
     let (friction, cold, time, ratio) = (0.04, 0.9, 13.0, 1.3);
     let rig = body();
     let start = rig.stretch().time[0];
-    let warming = CoulombFriction { warming: true, ..CoulombFriction::default() };
+    let warming = CoulombFriction { law: FrictionLaw::Warming };
     let error = rig.error(&warming, &[friction, cold, time, ratio], rig.start, &[], |t, u, x| {
         let size = friction * (1.0 + cold * (-(t - start) / time).exp());
         let taken = off(wheels(x).map(|s| size * rig.sign(s)), ratio);
         (rig.base)([u[0] - taken[0], u[1] - taken[1]], x)
     });
     assert!(error < 3e-4, "{error}");
+}
+
+/// Teeth that rub in proportion to what they pass on: what a motor gives is what its wheel gets and what the teeth lose.
+#[test]
+fn friction_of_gears_grows_with_what_they_pass_on() {
+    let (friction, share, behind, ratio) = (0.02, 0.2, 0.1, 1.3);
+    let rig = body();
+    let geared = CoulombFriction { law: FrictionLaw::Geared };
+    let slope = |_, u: [f64; 2], x: [f64; 2]| {
+        let motors = drives_of([u[0] - (1.0 - behind) * 1.02 * x[0], u[1] - (1.0 - behind) * 1.05 * x[1]], ratio);
+        let speeds = wheels(x);
+        let taken = off([0, 1].map(|i| (friction + share * motors[i].abs()) * rig.sign(speeds[i])), ratio);
+        (rig.base)([u[0] - taken[0], u[1] - taken[1]], x)
+    };
+    let of = |values: &[f64]| rig.error(&geared, values, rig.start, &[], slope);
+    let error = of(&[friction, share, behind, ratio]);
+    let wrong = [[friction, 0.0, behind, ratio], [friction, share, 0.0, ratio], [friction, share, behind, 1.0]];
+    let least = wrong.iter().map(|values| of(values)).fold(f64::INFINITY, f64::min);
+    assert!(error < 3e-4 && error < 0.2 * least, "{error}, {least} with one value wrong");
 }
 
 /// LuGre without damping, as its authors write it: a bend b of stiffness σ, f = σ b, b' = s − σ |s| b/g(s).
@@ -143,7 +161,7 @@ fn bristles_bend_before_they_slide() {
             [a[0], a[1], l, r]
         })
     };
-    let coulomb = CoulombFriction { presliding: true, ..CoulombFriction::default() };
+    let coulomb = CoulombFriction { law: FrictionLaw::Presliding };
     let error = bends(c / length, &|_| c, &coulomb, &[c, length, ratio]);
     assert!(error < 3e-4, "{error}");
     let holds = |s: f64| c + rise * (-(s / slow).powi(2)).exp();
@@ -709,9 +727,9 @@ fn a_wheel_comes_up_to_its_slip_in_a_time_of_its_own() {
 fn play_interrupts_the_drive() {
     // Motors as masses of their own that drive the wheels through stiff flanks with play between.
     let rig = body();
-    let (spin_up, behind, ratio) = (0.008, 0.15, 1.2);
-    let kept = 1.0 - behind;
-    let own = 0.5 * kept * (1.02 + 1.05 / ratio);
+    let (spin_up, behind, turning, ratio) = (0.008, 0.15, 0.35, 1.2);
+    let kept = [1.0 - behind, 1.0 - turning];
+    let own = 0.5 * (kept[0] * 1.02 + kept[1] * 1.05 / ratio);
     let motor = own * spin_up;
     let (stiffness, damping) = (motor * 1500.0 * 1500.0, 2.0 * motor * 1500.0);
     let flank = |gap: f64, place: f64, ahead: f64| match place {
@@ -724,11 +742,11 @@ fn play_interrupts_the_drive() {
     for gap in [0.004, 0.015] {
         let slope = |_, u: [f64; 2], [v, w, p0, p1, a0, a1]: [f64; 6]| {
             let ahead = [0.5 * (a0 + a1), (a1 - a0) / (2.0 * HALF_TRACK)];
-            let drives = drives_of([u[0] - kept * 1.02 * (v + ahead[0]), u[1] - kept * 1.05 * (w + ahead[1])], ratio);
+            let drives = drives_of([u[0] - kept[0] * 1.02 * (v + ahead[0]), u[1] - kept[1] * 1.05 * (w + ahead[1])], ratio);
             let passed = [flank(gap, p0, a0), flank(gap, p1, a1)];
             let accelerations = [
                 (0.5 * (passed[0] + passed[1]) - 0.01 * w * w - behind * 1.02 * v) / inertia[0],
-                (ratio * (passed[1] - passed[0]) / (2.0 * HALF_TRACK) - 0.05 * v * w - behind * 1.05 * w) / inertia[1],
+                (ratio * (passed[1] - passed[0]) / (2.0 * HALF_TRACK) - 0.05 * v * w - turning * 1.05 * w) / inertia[1],
             ];
             let hubs = wheels(accelerations);
             [
@@ -742,10 +760,15 @@ fn play_interrupts_the_drive() {
         };
         let first = wheels([rig.stretch().inputs[0][0], rig.stretch().inputs[1][0]]).map(|u| 0.5 * gap * u.signum());
         let start = [rig.start[0], rig.start[1], first[0], first[1], 0.0, 0.0];
-        let values = [gap, spin_up, behind, ratio];
+        let values = [gap, spin_up, behind, turning, ratio];
         let error = rig.error(&Backlash::default(), &values, start, &[], slope);
-        let wrong =
-            [[gap, 0.0, behind, ratio], [gap, spin_up, 0.0, ratio], [gap, spin_up, behind, 1.0], [1.1 * gap, spin_up, behind, ratio]];
+        let wrong = [
+            [gap, 0.0, behind, turning, ratio],
+            [gap, spin_up, 0.0, turning, ratio],
+            [gap, spin_up, behind, behind, ratio],
+            [gap, spin_up, behind, turning, 1.0],
+            [1.1 * gap, spin_up, behind, turning, ratio],
+        ];
         let least =
             wrong.map(|values| rig.error(&Backlash::default(), &values, start, &[], slope)).into_iter().fold(f64::INFINITY, f64::min);
         assert!(error < 0.5 * least, "gap {gap}: {error}, {least} with one value wrong");

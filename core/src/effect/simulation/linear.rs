@@ -37,6 +37,8 @@ pub(super) struct Linear {
 struct StepWeights {
     step: f64,
     values: Vec<f64>,
+    /// Those that came after it when it was used last: what recurs does so in turn.
+    after: usize,
 }
 
 impl Linear {
@@ -50,7 +52,7 @@ impl Linear {
             inertia: vec![0.0; n * inputs],
             drag: vec![0.0; n * inputs],
             scratch: Weights::new(n),
-            cache: (0..CACHE).map(|_| StepWeights { step: f64::NAN, values: vec![0.0; 5 * n * n] }).collect(),
+            cache: (0..CACHE).map(|_| StepWeights { step: f64::NAN, values: vec![0.0; 5 * n * n], after: 0 }).collect(),
             used: 0,
             next: 0,
         }
@@ -97,9 +99,17 @@ impl Linear {
     /// Has the weights of a step length ready for [`weights`](Self::weights).
     #[inline(always)]
     pub(super) fn prepare(&mut self, h: f64) {
-        if !self.cache[self.used].fits(h) {
-            self.find(h);
+        let before = &self.cache[self.used];
+        if before.fits(h) {
+            return;
         }
+        if self.cache[before.after].fits(h) {
+            self.used = before.after;
+            return;
+        }
+        let before = self.used;
+        self.find(h);
+        self.cache[before].after = self.used;
     }
 
     /// The weights last prepared, in the order of [`StepWeights`], each of `size` numbers.
