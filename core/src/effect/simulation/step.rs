@@ -13,6 +13,8 @@ use crate::simulation::{Readout, row, square_row};
 
 /// Share of a step before its end that is the end, but for what switches there.
 const JUST: f64 = 1e-6;
+/// How many times as long as the longest step a piece may be that is one.
+const SAME: f64 = 1.0 + 1e-6;
 
 /// Outputs and inputs of the step in progress.
 #[derive(Debug)]
@@ -196,7 +198,8 @@ impl EffectSimulator<'_> {
             let until = if end - switch > tolerance { switch } else { end };
             let whole = time == start && until == end;
             // Where effects switch often they change fast: short pieces are refined as well when all are.
-            let count = if whole { substeps } else { (((until - time) / longest - 1e-6).ceil() as usize).max(substeps.div_ceil(2)) };
+            let needed = if until - time <= SAME * longest { 1 } else { ((until - time) / longest + 1.0 - SAME).ceil() as usize };
+            let count = if whole { substeps } else { needed.max(substeps.div_ceil(2)) };
             let step = (until - time) / count as f64;
             self.linear.prepare(step);
             self.steps += count as u64;
