@@ -182,27 +182,24 @@ impl Effect for CoulombFriction {
 
     fn load(&self, p: &[f64], at: &Instant<'_>, outputs: &[f64], state: &[f64], load: &mut [f64]) {
         let own = &p[force::contacts(at.scene)..];
-        match self.law {
-            FrictionLaw::Geared => {}
-            FrictionLaw::Presliding => bristles::load(p[0], at, state, own.get(1), load),
-            FrictionLaw::Constant => force::at_contacts(at, outputs, own.first(), None, load, |contact, _, sign| p[contact] * sign),
-            FrictionLaw::Soft => force::at_contacts(at, outputs, own.get(1), Some(own[0]), load, |contact, _, sign| p[contact] * sign),
-            FrictionLaw::Warming => {
-                let by_then = 1.0 + own[0] * trend::left(own[1], at);
-                force::at_contacts(at, outputs, own.get(2), None, load, |contact, _, sign| by_then * p[contact] * sign);
-            }
-        }
+        let (ratio, comes_up_by, times) = match self.law {
+            FrictionLaw::Geared => return,
+            FrictionLaw::Presliding => return bristles::load(p[0], at, state, own.get(1), load),
+            FrictionLaw::Constant => (own.first(), None, 1.0),
+            FrictionLaw::Soft => (own.get(1), Some(own[0]), 1.0),
+            FrictionLaw::Warming => (own.get(2), None, 1.0 + own[0] * trend::left(own[1], at)),
+        };
+        force::at_contacts(at, outputs, ratio, comes_up_by, load, |contact, _, sign| times * p[contact] * sign);
     }
 
     fn drive(&self, p: &[f64], at: &Instant<'_>, motion: &Motion<'_>, _state: &[f64], drive: &mut [f64]) {
         if self.law != FrictionLaw::Geared {
             return;
         }
-        let (frame, typical) = (&at.scene.frame, at.scene.scales.speed);
-        let loops = Loops::of(frame, motion, p.get(3), [1.0 - p[2]; 2]);
+        let (frame, typical, ratio) = (&at.scene.frame, at.scene.scales.speed, p.get(3));
+        let loops = Loops::of(frame, motion, ratio, [1.0 - p[2]; 2]);
         let (told, withdrawn, speeds) = (loops.at_wheels(motion.u), loops.withdrawn(motion.outputs), frame.wheels(motion.outputs));
         let rubs = |i: usize| -(p[0] + p[1] * (told[i] - withdrawn[i]).abs()) * smooth_sign(speeds[i], typical);
-        let lost = loops.of_wheels([0, 1].map(rubs));
-        drive.iter_mut().zip(lost).for_each(|(drive, lost)| *drive += lost);
+        frame.add_at_wheels([0, 1].map(rubs), ratio.copied().unwrap_or(1.0), drive);
     }
 }

@@ -126,8 +126,12 @@ impl Effect for IntegralAction {
     fn command(&self, p: &[f64], at: &Instant<'_>, outputs: &[f64], state: &mut [f64], u: &mut [f64]) {
         let (clamps, leak) = if self.leaky { ([f64::INFINITY; 2], p[2]) } else { ([p[2], p[3]], 0.0) };
         // What is left of what had gathered, and of what gathers over the span on the average.
-        let lost = -(-leak * at.span).exp_m1();
-        let (kept, gathered) = if leak > 0.0 { (1.0 - lost, lost / leak) } else { (1.0, at.span) };
+        let (kept, gathered) = if leak > 0.0 {
+            let lost = -(-leak * at.span).exp_m1();
+            (1.0 - lost, lost / leak)
+        } else {
+            (1.0, at.span)
+        };
         for ((((state, k), clamp), u), x) in state.chunks_exact_mut(2).zip(p).zip(clamps).zip(u).zip(outputs) {
             let error = *u - x;
             state[0] = (kept * state[0] + 0.5 * k * gathered * (error + state[1])).max(-clamp.abs()).min(clamp.abs());

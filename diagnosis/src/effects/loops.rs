@@ -25,8 +25,8 @@ impl Loops {
             Frame::Body { .. } => ([d[0]; 2], [d[3] / ratio; 2]),
             _ => ([d[0] + d[1], d[3] + d[2]], [d[0] - d[1], d[3] - d[2]]),
         };
-        let half = |i: usize| (0.5 * straight * alike[i], 0.5 * turning * against[i]);
-        let (own, cross) = ([0, 1].map(|i| half(i).0 + half(i).1), [0, 1].map(|i| half(i).0 - half(i).1));
+        let (alike, against) = (alike.map(|d| 0.5 * straight * d), against.map(|d| 0.5 * turning * d));
+        let (own, cross) = ([0, 1].map(|i| alike[i] + against[i]), [0, 1].map(|i| alike[i] - against[i]));
         Self { frame: *frame, ratio, own, cross }
     }
 

@@ -8,7 +8,7 @@ use wheelwright_core::effect::{Effect, EffectParameter, EffectSimulator, Estimat
 use wheelwright_core::model::ModelError;
 use wheelwright_core::simulation::Readout;
 use wheelwright_diagnosis::effects::{
-    ActuatorLag, CastorDrag, CastorKind, CoulombFriction, CoulombFrictionOneWheel, StribeckFriction, Wheel, library,
+    ActuatorLag, CastorDrag, CastorKind, CoulombFriction, CoulombFrictionOneWheel, FrictionLaw, StribeckFriction, Wheel, library,
 };
 
 /// The names of the contract (section 5).
@@ -247,6 +247,7 @@ fn responses_are_smooth_in_the_parameters_of_the_dynamics() {
         let scene = rig.scene();
         // A castor ahead of the axle is on its head when this drive reverses, and goes round one way or the other: its law is that of one behind.
         let ahead = CastorDrag { kind: CastorKind::Leading }.about();
+        let geared = CoulombFriction { law: FrictionLaw::Geared }.about();
         for effect in able(&scene).into_iter().filter(|e| e.stage().place() == Place::Dynamics && e.about() != ahead) {
             let (parameters, starts) = (effect.parameters(&scene), effect.starts(&scene));
             let start = &starts[starts.len() / 2].values;
@@ -261,22 +262,18 @@ fn responses_are_smooth_in_the_parameters_of_the_dynamics() {
             for (i, p) in parameters.iter().enumerate() {
                 // A time has no size that would say how finely it shows: its zero is anywhere.
                 let size = if p.unit == "s" && p.bounds.0 > 0.0 { p.scale } else { p.scale.max(start[i].abs()) };
+                // At the start itself of this one an interval changes to finer steps, of a hundred sizes beside it at none.
+                let from = if effect.about() == geared { 0.01 * size } else { 0.0 };
                 let mut at = |share: f64| {
                     let mut values = start.clone();
-                    values[i] += share * size;
+                    values[i] += from + share * size;
                     run(&values)
                 };
+                let base = at(0.0);
+                let mut response = |share: f64| at(share).iter().zip(&base).map(|(a, b)| a - b).collect::<Vec<f64>>();
+                let (whole, half) = (response(0.002), response(0.001));
                 let norm = |x: &mut dyn Iterator<Item = f64>| x.map(|x| x * x).sum::<f64>().sqrt();
-                let mut bend = |from: f64| {
-                    let base = at(from);
-                    let [whole, half] = [0.002, 0.001].map(|share| {
-                        let there = at(from + share);
-                        there.iter().zip(&base).map(|(a, b)| a - b).collect::<Vec<f64>>()
-                    });
-                    norm(&mut whole.iter().zip(&half).map(|(w, h)| w - 2.0 * h)) / norm(&mut whole.iter().copied()).max(1e-9)
-                };
-                // From one value to the next an interval may be stepped more finely: not at the neighbour as well.
-                let bend = bend(0.0).min(bend(0.01));
+                let bend = norm(&mut whole.iter().zip(&half).map(|(w, h)| w - 2.0 * h)) / norm(&mut whole.iter().copied()).max(1e-9);
                 // Where teeth meet a wheel's speed jumps, and what dry friction holds comes off in one step or in the next: what of that falls on
                 // a sample does not grow evenly.
                 let held = effect.name() == "turning_scrub" && effect.stage() == Stage::Contact;
