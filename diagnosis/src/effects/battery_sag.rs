@@ -4,20 +4,24 @@
 //!
 //! Of a `dropped` one a cell fails, or a second one is switched on: U' = (1 − D) U from some time on.
 //!
-//! A `loaded` one has a resistance of its own and gives way to what the motors draw as well: U' = (s − k (t − t0)) U. Their currents are in proportion
-//! to what the voltage that is left drives them with against their back-EMF: (1 − r) (1 − s) = r Σ |s U_w − b_w|/2c over the wheels, U_w what a wheel's
-//! motor is asked for, U_w − b_w what would drive it at full voltage, and c a typical command: r is lost where such a command meets wheels that
+//! A `loaded` one has a resistance of its own and gives way to what the motors draw as well: U' = s U. Their currents are in proportion
+//! to what the voltage that is left drives them with against their back-EMF: (1 − r) (1 − k (t − t0) − s) = r Σ |s U_w − b_w|/2c over the wheels, U_w what
+//! a wheel's motor is asked for, U_w − b_w what would drive it at full voltage, and c a typical command: r is lost where such a command meets wheels that
 //! stand. (A chopping driver takes only its duty of a motor's current from the supply, which is all of it where it matters most.)
+//!
+//! A `recovering` one gives way as much in the end, but only a share of it at once; the rest follows the current with a time constant, in which the supply
+//! recovers as well: the battery of Thevenin's circuit.
 //!
 //! With `servo` it is the gain of the speed loops that weakens, and not what they are told alone: the drive loses that share of u − β x, x what
 //! the robot does and β their feedback, 1 or somewhat less.
 
 use serde::{Deserialize, Serialize};
 use wheelwright_core::Effect;
-use wheelwright_core::effect::{Confusion, EffectParameter, Estimate, Frame, Instant, Motion, Scene, Stage, Start};
+use wheelwright_core::effect::{Confusion, EffectParameter, Estimate, Instant, Motion, Scene, Stage, Start};
 
 use super::force;
 use super::moments::{self, duration};
+use super::supply::{self, Currents};
 use super::trend;
 use super::words::{digits, quantity, scaled};
 
@@ -34,6 +38,8 @@ pub enum SagLaw {
     Dropped,
     /// In proportion to time, and to the current it is asked for.
     Loaded,
+    /// The same, but not at once.
+    Recovering,
 }
 
 /// A supply that runs down or gives way, or anything else that changes the gain of all commands alike.
@@ -48,11 +54,12 @@ pub struct BatterySag {
     pub law: SagLaw,
 }
 
-/// Share by which a supply is tried to give way, and the most that is left of it under any load.
+/// Share by which a supply is tried to give way, and the share of that which it does at once.
 const GIVES_WAY: f64 = 0.1;
-const LEFT: f64 = 0.1;
-/// Steps to the voltage that is left: each of two currents turns round once.
-const STEPS: usize = 3;
+const AT_ONCE: f64 = 0.5;
+/// Times in which it is tried to recover, and the shortest that is told \[s\].
+const RECOVERS: [f64; 2] = [1.0, 6.0];
+const SHORTEST: f64 = 0.05;
 
 impl BatterySag {
     /// What is lost at a time. On a recording that ends later than the one it was found on, a drive still does not turn round.
@@ -62,31 +69,43 @@ impl BatterySag {
             SagLaw::Settling => p[0] * (1.0 - trend::left(p[1], at)),
             SagLaw::Dropped if moments::passed(p[1], at) => p[0],
             SagLaw::Dropped => 0.0,
-            SagLaw::Steady | SagLaw::Loaded => (p[0] * since).min(1.0),
+            SagLaw::Steady => (p[0] * since).min(1.0),
+            SagLaw::Loaded | SagLaw::Recovering => (p[1] * since).min(1.0),
         }
+    }
+
+    /// Whether it gives way to what the motors draw.
+    fn yields(&self) -> bool {
+        matches!(self.law, SagLaw::Loaded | SagLaw::Recovering)
     }
 
     /// Whether it acts on what drives, and not on commands.
     fn drives(&self) -> bool {
-        self.servo || self.law == SagLaw::Loaded
+        self.servo || self.yields()
     }
-}
 
-/// s: what is left of the voltage under the currents that it drives; `held` is the feedback of loops, if it is they that weaken.
-fn under_load(share: f64, held: Option<f64>, at: &Instant<'_>, motion: &Motion<'_>, drive: &[f64]) -> f64 {
-    let frame = at.scene.frame;
-    let asked = force::asked(&frame, motion, held.unwrap_or(0.0), 1.0);
-    let full =
-        if held.is_none() && matches!(frame, Frame::Body { .. }) { force::asked(&frame, motion, 1.0, 1.0) } else { frame.wheels(drive) };
-    let part = 0.5 * share / at.scene.scales.command;
-    // Newton's steps: between the two voltages at which a current turns round all is linear.
-    (0..STEPS).fold(1.0, |left, _| {
-        let currents = [0, 1].map(|wheel| full[wheel] - (1.0 - left) * asked[wheel]);
-        let drawn = part * (currents[0].abs() + currents[1].abs());
-        let eased = part * (asked[0] * currents[0].signum() + asked[1] * currents[1].signum());
-        let slope = (1.0 - share + eased).max(LEFT * (1.0 - share)).max(f64::MIN_POSITIVE);
-        left + ((1.0 - share) * (1.0 - left) - drawn) / slope
-    })
+    /// What the loops and motors are known by: the last parameters.
+    fn known<'a>(&self, p: &'a [f64]) -> &'a [f64] {
+        match self.law {
+            SagLaw::Steady => &p[1..],
+            SagLaw::Settling | SagLaw::Dropped | SagLaw::Loaded => &p[2..],
+            SagLaw::Recovering => &p[4..],
+        }
+    }
+
+    /// What a supply gives way by in the end for a unit of current, and which share of it at once.
+    fn resistance(&self, p: &[f64], at: &Instant<'_>) -> (f64, f64) {
+        let whole = 0.5 * p[0] / (1.0 - p[0]).max(f64::MIN_POSITIVE) / at.scene.scales.command;
+        (whole, if self.law == SagLaw::Recovering { p[2] } else { 1.0 })
+    }
+
+    /// The currents at this instant, and the share of the voltage that they leave.
+    fn under_load(&self, p: &[f64], at: &Instant<'_>, motion: &Motion<'_>, state: &[f64], drive: &[f64]) -> (Currents, f64) {
+        let currents = Currents::of(self.servo, self.known(p), &at.scene.frame, motion, drive);
+        let (whole, at_once) = self.resistance(p, at);
+        let recovering = state.first().copied().unwrap_or(0.0);
+        (currents, currents.leave(1.0 - self.lost(p, at) - recovering, whole * at_once))
+    }
 }
 
 #[typetag::serde(name = "battery_sag")]
@@ -101,6 +120,7 @@ impl Effect for BatterySag {
             SagLaw::Settling => "with time, quickly first",
             SagLaw::Dropped => "at once at some time",
             SagLaw::Loaded => "with time and under load",
+            SagLaw::Recovering => "with time and under load, and recover slowly",
         };
         match self.servo {
             false => format!("all commands lose effect {how}"),
@@ -113,10 +133,10 @@ impl Effect for BatterySag {
     }
 
     fn inapplicable(&self, scene: &Scene) -> Option<String> {
-        match (self.servo, self.law) {
+        match (self.servo, self.yields()) {
             (true, _) => force::needs_loops(scene),
-            (false, SagLaw::Loaded) => force::needs_wheels(scene),
-            (false, _) => None,
+            (false, true) => force::needs_wheels(scene),
+            (false, false) => None,
         }
     }
 
@@ -133,8 +153,17 @@ impl Effect for BatterySag {
                 vec![lost, moments::parameter(scene)]
             }
             SagLaw::Loaded => vec![share("lost_under_load"), sag],
+            SagLaw::Recovering => {
+                let at_once = EffectParameter::new("at_once", "1", (0.0, 1.0), 0.1).usually(AT_ONCE, AT_ONCE);
+                let bounds = (SHORTEST, duration(scene).max(SHORTEST));
+                vec![share("lost_under_load"), sag, at_once, EffectParameter::new("recovery_time", "s", bounds, 0.2 * RECOVERS[0])]
+            }
         };
-        all.extend(self.servo.then(force::feedback));
+        match (self.yields(), self.servo) {
+            (true, _) => all.extend(supply::known(self.servo, scene)),
+            (false, true) => all.push(force::feedback()),
+            (false, false) => {}
+        }
         all
     }
 
@@ -145,10 +174,14 @@ impl Effect for BatterySag {
             SagLaw::Settling => (trend::times(scene).map(|time| vec![0.03, time]).into(), vec![vec![0]]),
             SagLaw::Dropped => (moments::SHARES.map(|share| vec![0.03, moments::at(share, scene)]).into(), vec![vec![0]]),
             SagLaw::Loaded => (vec![vec![GIVES_WAY, steady]], vec![vec![0], vec![1]]),
+            SagLaw::Recovering => (RECOVERS.map(|time| vec![GIVES_WAY, steady, AT_ONCE, time]).into(), vec![vec![0], vec![1]]),
         };
-        let fed_back = self.servo.then_some(1.0);
-        let start =
-            |values: Vec<f64>| Start { values: values.into_iter().chain(fed_back).collect(), columns: columns.clone(), linear: true };
+        let all = self.parameters(scene);
+        // What loops and motors are known by is as usual.
+        let start = |values: Vec<f64>| {
+            let usual = all[values.len()..].iter().filter_map(|p| p.usual.map(|(value, _)| value));
+            Start { values: values.iter().copied().chain(usual).collect(), columns: columns.clone(), linear: true }
+        };
         tried.into_iter().map(start).collect()
     }
 
@@ -182,11 +215,15 @@ impl Effect for BatterySag {
                 let (verb, share, when) = (verb(values[0]), percent(values[0], 1.0), moments::when(values[1]));
                 format!("{what} {verb} {share} of their effect at {when}, {} into the recording", moments::into(values[1], scene))
             }
-            SagLaw::Loaded => format!(
-                "the supply gives way under load: {what} lose {} of their effect where a typical command meets wheels that stand, and {}",
-                lost(),
-                steady(values[1])
-            ),
+            SagLaw::Loaded | SagLaw::Recovering => {
+                let slowly = || format!(", {} of that at once and the rest within {}", percent(values[2], 1.0), quantity(values[3], "s"));
+                let slowly = if self.law == SagLaw::Recovering { slowly() } else { String::new() };
+                format!(
+                    "the supply gives way under load: {what} lose {} of their effect where a typical command meets wheels that stand{slowly}, and {}",
+                    lost(),
+                    steady(values[1])
+                )
+            }
         };
         format!("{said}; the model's drive stayed the same")
     }
@@ -221,14 +258,27 @@ impl Effect for BatterySag {
         u.iter_mut().for_each(|u| *u -= lost * *u);
     }
 
-    fn drive(&self, p: &[f64], at: &Instant<'_>, motion: &Motion<'_>, _state: &[f64], drive: &mut [f64]) {
-        let held = self.servo.then(|| p[p.len() - 1]);
-        let lost = match (self.drives(), self.law) {
-            (false, _) => return,
-            (true, SagLaw::Loaded) => (1.0 - under_load(p[0], held, at, motion, drive) + self.lost(&p[1..], at)).min(1.0 - LEFT),
-            (true, _) => self.lost(p, at),
-        };
-        let held = held.unwrap_or(0.0);
+    /// What a recovering supply has given way by besides what it does at once.
+    fn states(&self, _scene: &Scene) -> usize {
+        usize::from(self.law == SagLaw::Recovering)
+    }
+
+    fn advance(&self, p: &[f64], at: &Instant<'_>, motion: &Motion<'_>, drive: &[f64], state: &mut [f64]) {
+        if self.law != SagLaw::Recovering {
+            return;
+        }
+        let (currents, left) = self.under_load(p, at, motion, state, drive);
+        let (whole, at_once) = self.resistance(p, at);
+        let settles = whole * (1.0 - at_once) * currents.drawn(left);
+        state[0] = settles + (state[0] - settles) * (-at.span / p[3]).exp();
+    }
+
+    fn drive(&self, p: &[f64], at: &Instant<'_>, motion: &Motion<'_>, state: &[f64], drive: &mut [f64]) {
+        if !self.drives() {
+            return;
+        }
+        let lost = if self.yields() { 1.0 - self.under_load(p, at, motion, state, drive).1 } else { self.lost(p, at) };
+        let held = if self.servo { self.known(p)[0] } else { 0.0 };
         drive.iter_mut().zip(motion.u.iter().zip(motion.outputs)).for_each(|(drive, (u, x))| *drive -= lost * (u - held * x));
     }
 }

@@ -62,6 +62,7 @@ mod sensor_delay;
 mod slew_limit;
 mod slope;
 mod stribeck_friction;
+mod supply;
 mod timestamp_jitter;
 mod torque_saturation;
 mod track_width_error;
@@ -155,10 +156,12 @@ fn command_side() -> Vec<Box<dyn Effect>> {
         Box::new(BatterySag { law: SagLaw::Settling, servo: false }),
         Box::new(BatterySag { law: SagLaw::Dropped, servo: false }),
         Box::new(BatterySag { law: SagLaw::Loaded, servo: false }),
+        Box::new(BatterySag { law: SagLaw::Recovering, servo: false }),
         Box::new(BatterySag { law: SagLaw::Steady, servo: true }),
         Box::new(BatterySag { law: SagLaw::Settling, servo: true }),
         Box::new(BatterySag { law: SagLaw::Dropped, servo: true }),
         Box::new(BatterySag { law: SagLaw::Loaded, servo: true }),
+        Box::new(BatterySag { law: SagLaw::Recovering, servo: true }),
         Box::new(IntegralAction::default()),
         Box::new(IntegralAction { leaky: true }),
     ];
