@@ -1,10 +1,12 @@
 //! Each member's place is contested: another effect may explain more in it, or none may be needed there.
 
-use wheelwright_core::effect::Stage;
+use wheelwright_core::effect::{Effect, Stage};
 
 use super::{COMPARING, EXCHANGE, FINAL, MOST, Rival, SHARE, Search, Selected, State};
-use crate::adequacy::{Jitter, OrderLine, counted, jittered, lined, whitened};
+use crate::adequacy::{Jitter, OrderLine, Scatter, counted, jittered, lined, whitened};
+use crate::answer::always;
 use crate::comparison::Comparison;
+use crate::effects::LATENESS;
 use crate::fit::search::{Fit, left};
 use crate::fit::setting::Setting;
 use crate::race::{Field, Refined, distinct};
@@ -21,6 +23,11 @@ pub(crate) enum Newest {
 /// The rivals of so many members, of which those of the last are known.
 pub(super) fn of_the_last(members: usize, rivals: Vec<Rival>) -> Vec<Vec<Rival>> {
     std::iter::repeat_n(Vec::new(), members - 1).chain([rivals]).collect()
+}
+
+/// Whether an effect is a pure delay, of commands or of what is recorded.
+fn delays(effect: &dyn Effect) -> bool {
+    effect.family() == LATENESS && matches!(effect.stage(), Stage::Transport | Stage::Reading)
 }
 
 impl<'a> Search<'a> {
@@ -175,9 +182,9 @@ impl<'a> Search<'a> {
         self.asked(selected, |comparison| jittered(comparison, ask))
     }
 
-    /// By how much a model lets commands come late.
+    /// By how much a model lets commands come late, or what is recorded, which looks alike.
     pub(crate) fn late(&self, state: &State) -> Vec<f64> {
-        let late = self.effects(&state.effects).into_iter().zip(self.values(state)).find(|(effect, _)| effect.stage() == Stage::Transport);
+        let late = self.effects(&state.effects).into_iter().zip(self.values(state)).find(|(effect, _)| delays(*effect));
         late.map_or_else(Vec::new, |(_, values)| values)
     }
 
@@ -196,7 +203,8 @@ impl<'a> Search<'a> {
         if state.effects.len() == self.fixed(&selected) {
             return selected;
         }
-        let Some(factors) = self.jittered(&selected, |jitter, comparison| jitter.factors(comparison)) else { return selected };
+        let scatter = self.jittered(&selected, |jitter, comparison| (jitter.of, jitter.factors(comparison)));
+        let Some((of, factors)) = scatter else { return selected };
         let residual = left(&self.setting, &state.fit.simulated);
         let noise = whitening.noise.evened(&residual, &self.setting.layout, &factors);
         let under = |effects: &[usize], fit: &Fit, effort| self.under(effects, fit, &noise, effort);
@@ -206,7 +214,33 @@ impl<'a> Search<'a> {
         };
         let mut evened = Selected { state: State { effects: state.effects.clone(), fit }, whitening, base, ..selected };
         self.exchange(&mut evened, first, Newest::Open);
-        evened
+        if of == Scatter::Messages { self.commanded(evened) } else { evened }
+    }
+
+    /// The selection with a late command in the place of a late sensor, which looks alike: where each message is late by a time of its own it is the
+    /// messages that are late.
+    fn commanded(&self, selected: Selected) -> Selected {
+        let Selected { state, whitening, .. } = &selected;
+        let instead = self.by_command(&state.effects);
+        let fitted = instead.and_then(|effects| Some((self.under(&effects, &state.fit, &whitening.noise, FINAL)?, effects)));
+        match fitted {
+            Some(((whitening, fit), effects)) => Selected { state: State { effects, fit }, whitening, ..selected },
+            None => selected,
+        }
+    }
+
+    /// Effects with the late command that looks like the late sensor among them.
+    fn by_command(&self, effects: &[usize]) -> Option<Vec<usize>> {
+        let of = |i: usize| self.effect(i);
+        let member = effects.iter().position(|i| of(*i).stage() == Stage::Reading && delays(of(*i)))?;
+        let count = |i: usize| self.parameters(&[i]).len();
+        let twin = |i: usize| {
+            let same = always(of(effects[member]), of(i)).is_some();
+            same && of(i).stage() == Stage::Transport && count(i) == count(effects[member])
+        };
+        let mut effects = effects.to_vec();
+        effects[member] = self.open.iter().copied().find(|i| twin(*i))?;
+        Some(effects)
     }
 }
 
