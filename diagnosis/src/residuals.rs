@@ -55,7 +55,7 @@ impl Residuals<'_> {
 #[derive(Debug, Clone, PartialEq)]
 pub struct Flag {
     /// Which test: `input-driven structure`, `bursts`, `events`, `memory of the rest`, `wheel-order line`, `variance against acceleration`,
-    /// `value lattice`, `counts of the wheels`, `means over the interval`.
+    /// `value lattice`, `counts of the wheels`, `coarse readout`, `means over the interval`.
     pub test: &'static str,
     /// Its statistic.
     pub value: f64,

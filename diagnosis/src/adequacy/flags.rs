@@ -121,5 +121,10 @@ fn flags(found: &Adequacy, comparison: &Comparison<'_>, explained: f64) -> Vec<F
         let effect = (counts.share > QUANTISED).then(|| ("encoder_quantisation".to_owned(), vec![counts.travel]));
         flag("counts of the wheels", counts.share, QUANTISED, None, effect);
     }
+    if !found.coarse.is_empty() {
+        let step = |output: usize| found.coarse.iter().find(|coarse| coarse.output == output).map_or(0.0, |coarse| coarse.step);
+        let effect = Some(("encoder_quantisation".to_owned(), (0..comparison.outputs()).map(step).collect()));
+        flag("coarse readout", found.coarse.iter().map(|coarse| coarse.gain).sum(), 0.0, None, effect);
+    }
     all
 }

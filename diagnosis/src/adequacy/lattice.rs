@@ -12,6 +12,7 @@ use wheelwright_core::effect::Frame;
 use crate::comparison::Comparison;
 
 use super::bursts::FALSE_ALARM;
+use super::sweep::Sweep;
 
 /// Share of the values left out at either end, where limits pile them up.
 const EXTREMES: f64 = 0.02;
@@ -189,7 +190,8 @@ fn clearest(pairs: &[Pair], noise: f64, least: f64) -> Option<(f64, f64)> {
     for k in 0..count {
         let frequency = low + k as f64 * step;
         let phase = std::f64::consts::TAU * noise * frequency;
-        let clear = seen.next();
+        let clear = seen.sum() / measured.len() as f64;
+        seen.advance();
         if clear <= least * GRID {
             continue;
         }
@@ -214,25 +216,4 @@ fn clearest(pairs: &[Pair], noise: f64, least: f64) -> Option<(f64, f64)> {
 fn coherence(values: &[f64], frequency: f64) -> f64 {
     let (s, c) = values.iter().map(|x| (std::f64::consts::TAU * frequency * x).sin_cos()).fold((0.0, 0.0), |a, b| (a.0 + b.0, a.1 + b.1));
     f64::hypot(s, c) / values.len() as f64
-}
-
-/// Coherence at one frequency after the other, by a product a step and value.
-struct Sweep {
-    phase: Vec<(f64, f64)>,
-    turn: Vec<(f64, f64)>,
-}
-
-impl Sweep {
-    fn new(values: &[f64], first: f64, step: f64) -> Self {
-        let at = |frequency: f64| values.iter().map(|x| (std::f64::consts::TAU * frequency * x).sin_cos()).collect();
-        Self { phase: at(first), turn: at(step) }
-    }
-
-    fn next(&mut self) -> f64 {
-        let (s, c) = self.phase.iter().fold((0.0, 0.0), |(s, c), p| (s + p.0, c + p.1));
-        for (p, t) in self.phase.iter_mut().zip(&self.turn) {
-            *p = (p.0 * t.1 + p.1 * t.0, p.1 * t.1 - p.0 * t.0);
-        }
-        f64::hypot(s, c) / self.phase.len() as f64
-    }
 }

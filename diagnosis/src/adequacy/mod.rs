@@ -1,4 +1,4 @@
-//! Whether a model is adequate, asked without any library: eight tests of what it leaves over.
+//! Whether a model is adequate, asked without any library: nine tests of what it leaves over.
 //!
 //! A library always finds something to name. These tests know no effect; they say whether anything is left, and where to look.
 
@@ -10,8 +10,10 @@ mod latency;
 mod lattice;
 mod memory;
 mod orders;
+mod readout;
 mod rounding;
 pub mod structure;
+mod sweep;
 
 pub use bursts::Burst;
 pub use events::Events;
@@ -21,6 +23,7 @@ pub use lattice::{Counts, Lattice};
 pub use memory::Memory;
 pub use orders::OrderLine;
 pub(crate) use orders::find as lined;
+pub use readout::Coarse;
 pub use rounding::Rounding;
 pub use structure::Structure;
 
@@ -31,7 +34,7 @@ use crate::comparison::{Channels, Comparison};
 use crate::effects::digits;
 use crate::noise::Noise;
 
-/// What the eight tests found.
+/// What the nine tests found.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Adequacy {
     /// Commands that are rounded.
@@ -52,20 +55,30 @@ pub struct Adequacy {
     pub lattices: Vec<Lattice>,
     /// Wheels whose speeds are counts of an encoder.
     pub counts: Option<Counts>,
+    /// Outputs of a readout so coarse that no other noise hides it, where they are no counts of the wheels.
+    pub coarse: Vec<Coarse>,
 }
 
 /// Runs the tests. The same seed gives the same answer.
 pub fn examine(comparison: &Comparison<'_>, seed: u64) -> Adequacy {
     let (jitter, lattices) = (scatter(comparison), lattice::find(comparison));
+    let counts = lattice::counts(comparison, &lattices);
+    let structure = structure::measure(comparison, jitter.as_ref());
+    // What a coarse readout adds depends on the motion, and is no motion; where nothing depends on motion it is noise.
+    let asked = counts.is_none() && structure.significant();
+    let (coarse, rest) = if asked { readout::find(comparison) } else { (Vec::new(), Vec::new()) };
+    let cleared = Comparison { white: &rest, ..*comparison };
+    let comparison = if coarse.is_empty() { comparison } else { &cleared };
     Adequacy {
-        structure: structure::measure(comparison, jitter.as_ref()),
+        structure: if coarse.is_empty() { structure } else { structure::measure(comparison, jitter.as_ref()) },
         bursts: bursts::find(comparison, seed, jitter.as_ref()),
         events: if jitter.is_none() { events::find(comparison) } else { None },
         memory: memory::find(comparison),
         order: orders::find(comparison),
         rounding: rounding::find(comparison),
         jitter,
-        counts: lattice::counts(comparison, &lattices),
+        counts,
+        coarse,
         lattices,
     }
 }
@@ -123,6 +136,10 @@ impl Adequacy {
         }
         if let Some(counts) = &self.counts {
             all.push(format!("the wheels' speeds come in counts of {:.3e} m of travel", counts.travel));
+        }
+        if !self.coarse.is_empty() {
+            let names: Vec<String> = self.coarse.iter().map(|coarse| name(coarse.output).to_string()).collect();
+            all.push(format!("what is left of {} goes up and down with the rounding of its values", names.join(" and ")));
         }
         all
     }

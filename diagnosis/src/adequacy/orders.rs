@@ -6,11 +6,10 @@
 use crate::comparison::Comparison;
 
 use super::bursts::FALSE_ALARM;
+use super::sweep::{Sweep, stands_out};
 
 /// Orders searched: below, a slow wander looks like a line; above, sampling rarely sees any.
 const ORDERS: (f64, f64) = (0.5, 12.5);
-/// A line stands out from its neighbourhood by this factor.
-const CONTRAST: f64 = 4.0;
 /// Orders to either side that count as neighbourhood, as a share of the order.
 const NEIGHBOURHOOD: f64 = 0.25;
 /// Most orders looked at: over many turns the grid is as fine as this allows.
@@ -63,20 +62,13 @@ fn powers(comparison: &Comparison<'_>, angle: &[f64], weight: Option<&Vec<f64>>,
     let weighted: Vec<Vec<f64>> =
         innovations.iter().map(|r| r.iter().enumerate().map(|(k, r)| r * weight.map_or(1.0, |w| w[k])).collect()).collect();
     let norm = weight.map_or(angle.len() as f64, |w| w.iter().map(|x| x * x).sum::<f64>()) / 2.0;
-    // e^{ikφ} is carried from one order to the next by one product.
-    let mut phase: Vec<(f64, f64)> = angle.iter().map(|a| (ORDERS.0 * a).sin_cos()).collect();
-    let turn: Vec<(f64, f64)> = angle.iter().map(|a| (step * a).sin_cos()).collect();
+    let turns: Vec<f64> = angle.iter().map(|a| a / std::f64::consts::TAU).collect();
+    let mut sweep = Sweep::new(&turns, ORDERS.0, step);
     let mut all = Vec::with_capacity(count);
     for _ in 0..count {
-        let mut largest: f64 = 0.0;
-        for series in &weighted {
-            let (s, c) = series.iter().zip(&phase).fold((0.0, 0.0), |(s, c), (r, p)| (s + r * p.0, c + r * p.1));
-            largest = largest.max((s * s + c * c) / norm.max(f64::MIN_POSITIVE));
-        }
-        all.push(largest);
-        for (p, t) in phase.iter_mut().zip(&turn) {
-            *p = (p.0 * t.1 + p.1 * t.0, p.1 * t.1 - p.0 * t.0);
-        }
+        let largest = weighted.iter().map(|series| sweep.weighted(series)).fold(0.0, f64::max);
+        all.push(largest / norm.max(f64::MIN_POSITIVE));
+        sweep.advance();
     }
     all
 }
@@ -89,9 +81,5 @@ fn strongest(power: &[f64], step: f64, wheel: usize, kinematic: bool, looks: usi
         return None;
     }
     let reach = ((NEIGHBOURHOOD * order / step) as usize).max(6);
-    let mut near: Vec<f64> =
-        (at.saturating_sub(reach)..(at + reach + 1).min(power.len())).filter(|k| k.abs_diff(at) > 2).map(|k| power[k]).collect();
-    near.sort_by(f64::total_cmp);
-    let usual = near.get(near.len() * 9 / 10).copied().unwrap_or(0.0);
-    (largest > CONTRAST * usual).then_some(OrderLine { wheel, order, power: largest, kinematic })
+    stands_out(power, at, reach).then_some(OrderLine { wheel, order, power: largest, kinematic })
 }

@@ -1,7 +1,8 @@
-//! Speeds are counts of an encoder over an interval: s = q · (counts since the last sample) / Δt.
+//! Speeds are counts of an encoder over an interval: s = q · (counts since the last sample) / Δt; or, as a `readout`, each output is rounded to a step of
+//! its own: y' = q round(y/q).
 
 use serde::{Deserialize, Serialize};
-use wheelwright_core::Effect;
+use wheelwright_core::{Channel, Effect};
 use wheelwright_core::effect::{Confusion, EffectParameter, Estimate, Instant, Scene, Stage, Start};
 use wheelwright_core::simulation::Readout;
 
@@ -15,12 +16,17 @@ use super::words::quantity;
 /// foretell. So by default this effect records interval means. What q adds is scatter, of the size q/(√6 Δt), and values on a
 /// lattice of step q/Δt: by that lattice it is found, not by any fit, and it has no starts for one. With `counts` the counts are
 /// simulated one by one, from marks at the start of each stretch.
+///
+/// A `readout` of few digits is found by its lattice as well, and where other noise does not hide it: else it is a noise.
 #[derive(Debug, Clone, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct EncoderQuantisation {
     /// Whether counts are simulated one by one.
     #[serde(skip_serializing_if = "std::ops::Not::not")]
     pub counts: bool,
+    /// Whether the outputs are rounded as they are, in place of counts.
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    pub readout: bool,
 }
 
 #[typetag::serde(name = "encoder_quantisation")]
@@ -30,7 +36,7 @@ impl Effect for EncoderQuantisation {
     }
 
     fn about(&self) -> String {
-        "speeds are whole counts of an encoder over an interval".to_owned()
+        if self.readout { "values are rounded where they are read" } else { "speeds are whole counts of an encoder over an interval" }.to_owned()
     }
 
     fn stage(&self) -> Stage {
@@ -38,10 +44,16 @@ impl Effect for EncoderQuantisation {
     }
 
     fn inapplicable(&self, scene: &Scene) -> Option<String> {
-        super::force::needs_wheels(scene)
+        if self.readout { None } else { super::force::needs_wheels(scene) }
     }
 
     fn parameters(&self, scene: &Scene) -> Vec<EffectParameter> {
+        if self.readout {
+            let step = |(y, typical): (&Channel, &f64)| {
+                EffectParameter::new("step", &y.unit, (0.0, 10.0 * typical), 0.03 * typical).neutral(0.0).of("output", &y.name)
+            };
+            return scene.outputs.iter().zip(&scene.scales.outputs).map(step).collect();
+        }
         let a_sample = scene.scales.speed * scene.scales.period;
         vec![EffectParameter::new("resolution", "m", (0.0, 10.0 * a_sample), 0.1 * a_sample).neutral(0.0)]
     }
@@ -51,6 +63,11 @@ impl Effect for EncoderQuantisation {
     }
 
     fn statement(&self, values: &[Estimate], scene: &Scene) -> String {
+        if self.readout {
+            let rounded = scene.outputs.iter().zip(values).filter(|(_, step)| step.value > 0.0);
+            let each: Vec<String> = rounded.map(|(y, step)| format!("`{}` to steps of {}", y.name, quantity(*step, &y.unit))).collect();
+            return format!("recorded values are rounded, {}, and little noise blurs that; the model measured exactly", each.join(" and "));
+        }
         if values[0].value == 0.0 {
             return "recorded speeds are means over the sampling interval, as differences of encoder counts are, and half a sample late, with counts too fine \
                     to show; the model measured at an instant"
@@ -81,6 +98,10 @@ impl Effect for EncoderQuantisation {
     }
 
     fn measure(&self, p: &[f64], at: &Instant<'_>, past: &dyn Fn(f64, &mut [f64]), state: &mut [f64], outputs: &mut [f64]) {
+        if self.readout {
+            let rounded = |(x, step): (&mut f64, &f64)| *x = (*x / step).round() * step;
+            return outputs.iter_mut().zip(p).filter(|(_, step)| **step > 0.0).for_each(rounded);
+        }
         let span = at.interval();
         if p[0] <= 0.0 || span <= 0.0 {
             return;

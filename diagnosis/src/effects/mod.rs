@@ -191,6 +191,7 @@ fn sensors() -> Vec<Box<dyn Effect>> {
         Box::new(SensorDelay::default()),
         Box::new(SensorDelay { each_axis: true }),
         Box::new(EncoderQuantisation::default()),
+        Box::new(EncoderQuantisation { readout: true, ..EncoderQuantisation::default() }),
         Box::new(TimestampJitter::default()),
     ];
     for axis in [None, Some(Axis::V), Some(Axis::Omega)] {

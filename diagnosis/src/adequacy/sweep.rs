@@ -1,0 +1,47 @@
+//! Sums over e^{2πi f x} at one frequency after the other.
+
+use std::f64::consts::TAU;
+
+/// The phases of some places at a frequency, carried to the next one by a product each.
+pub(super) struct Sweep {
+    phase: Vec<(f64, f64)>,
+    turn: Vec<(f64, f64)>,
+}
+
+impl Sweep {
+    /// At the first frequency.
+    pub(super) fn new(places: &[f64], first: f64, step: f64) -> Self {
+        let at = |frequency: f64| places.iter().map(|x| (TAU * frequency * x).sin_cos()).collect();
+        Self { phase: at(first), turn: at(step) }
+    }
+
+    /// Length of the sum.
+    pub(super) fn sum(&self) -> f64 {
+        let (s, c) = self.phase.iter().fold((0.0, 0.0), |(s, c), p| (s + p.0, c + p.1));
+        f64::hypot(s, c)
+    }
+
+    /// Square of the length of the sum with a weight at each place.
+    pub(super) fn weighted(&self, weights: &[f64]) -> f64 {
+        let (s, c) = weights.iter().zip(&self.phase).fold((0.0, 0.0), |(s, c), (w, p)| (s + w * p.0, c + w * p.1));
+        s * s + c * c
+    }
+
+    /// On to the next frequency.
+    pub(super) fn advance(&mut self) {
+        for (p, t) in self.phase.iter_mut().zip(&self.turn) {
+            *p = (p.0 * t.1 + p.1 * t.0, p.1 * t.1 - p.0 * t.0);
+        }
+    }
+}
+
+/// A line stands out from its neighbourhood by this factor.
+const CONTRAST: f64 = 4.0;
+
+/// Whether a power stands out of what most of those around it are, within so many to either side.
+pub(super) fn stands_out(power: &[f64], at: usize, reach: usize) -> bool {
+    let around = at.saturating_sub(reach)..(at + reach + 1).min(power.len());
+    let mut near: Vec<f64> = around.filter(|k| k.abs_diff(at) > 2).map(|k| power[k]).collect();
+    near.sort_by(f64::total_cmp);
+    power[at] > CONTRAST * near.get(near.len() * 9 / 10).copied().unwrap_or(0.0)
+}
