@@ -82,11 +82,9 @@ impl<'s, 'a> Elsewhere<'s, 'a> {
         if given && !self.round() {
             return None;
         }
-        let within = if given { MEASURED_TRACK } else { OFF };
-        let steps = (within / self.step()).ceil().clamp(STEPS.0, STEPS.1);
-        let step = within / steps;
+        let (step, steps) = self.steps();
         let here = self.here();
-        let walked = [-step, step].map(|step| self.walked(&here, step, steps as usize));
+        let walked = [-step, step].map(|step| self.walked(&here, step, steps));
         let best = walked.into_iter().flatten().reduce(|a, b| if b.likelihood > a.likelihood { b } else { a });
         let mut best = best.unwrap_or(here);
         let (log, from) = (best.log, best.fit.point.clone());
@@ -150,17 +148,31 @@ impl<'s, 'a> Elsewhere<'s, 'a> {
         Some(Place { log, likelihood: fit.likelihood(&self.search.setting), fit })
     }
 
-    /// The width that the held-out data decisively ask for, if there is such.
+    /// How far apart widths near by are tried, and how many to either side.
+    fn steps(&self) -> (f64, usize) {
+        let within = if self.question.track_width.is_some() { MEASURED_TRACK } else { OFF };
+        let steps = (within / self.step()).ceil().clamp(STEPS.0, STEPS.1);
+        (within / steps, steps as usize)
+    }
+
+    /// The width that the held-out data decisively ask for, if there is such. One of a profile is near enough for all but what goes round, of which the
+    /// training data may leave open whether the track is off or the radii.
     pub(crate) fn asked_for(&self) -> Option<Place> {
         let Self { question, search, selected, .. } = *self;
-        if question.track_width.is_some() {
+        let given = question.track_width.is_some();
+        if given && !self.round() {
             return None;
         }
         let bench = Bench::new(question, search, selected).filter(|bench| bench.missed(search, selected).is_some())?;
         let loss = |log: f64| self.loss(&bench, log.exp()).unwrap_or(f64::INFINITY);
-        let (now, step) = (self.now(), SQRT_2.ln());
-        let near =
-            HALF_OCTAVES.iter().map(|k| now + f64::from(*k) * step).map(|log| (loss(log), log)).min_by(|a, b| a.0.total_cmp(&b.0))?;
+        let (step, apart): (f64, Vec<i32>) = if given {
+            let (step, steps) = self.steps();
+            (step, (-(steps as i32)..=steps as i32).collect())
+        } else {
+            (SQRT_2.ln(), HALF_OCTAVES.to_vec())
+        };
+        let widths = apart.iter().map(|k| self.now() + f64::from(*k) * step);
+        let near = widths.map(|log| (loss(log), log)).min_by(|a, b| a.0.total_cmp(&b.0))?;
         let (log, most) = highest(|log| -loss(log), near.1 - step, near.1 + step);
         let asked = bench.decisive(-most, bench.loss(search, &selected.state));
         asked.then(|| self.place(log, &selected.state.fit.point)).flatten()
