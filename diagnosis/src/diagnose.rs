@@ -96,7 +96,7 @@ pub fn diagnose(question: &Question<'_>) -> Result<Diagnosis, DiagnosisError> {
     }
     let asked = gauge::retold(question, &mut story, headings.as_deref(), &fitting[3], |elsewhere| elsewhere.asked_for());
     warnings.extend(unknown_wheels(question, shown, asked));
-    warnings.extend(another_track(question, likelier));
+    warnings.extend(another_track(question, likelier, asked));
     story.selected = story.search.modest(story.selected);
     story.selected = judged(question, &story.search, story.selected, &story.responses);
     let (selected, mut rests) = story.search.settled(story.selected);
@@ -156,14 +156,15 @@ fn unknown_wheels(question: &Question<'_>, shown: Option<Wheels>, asked: Option<
     all
 }
 
-/// What is said where what goes round with the wheels shows another track than the profile's.
-fn another_track(question: &Question<'_>, likelier: Option<f64>) -> Option<String> {
-    let (given, likelier) = question.track_width.zip(likelier)?;
-    let off = digits(100.0 * (likelier / given - 1.0).abs());
-    let wider = if likelier > given { "wider" } else { "narrower" };
+/// What is said where what goes round with the wheels shows another track than the profile's, or only keeps its phase on held-out data at another.
+fn another_track(question: &Question<'_>, likelier: Option<f64>, asked: Option<f64>) -> Option<String> {
+    let (given, other) = question.track_width.zip(asked.or(likelier))?;
+    let off = digits(100.0 * (other / given - 1.0).abs());
+    let wider = if other > given { "wider" } else { "narrower" };
+    let held_out = if asked.is_some() { " on the held-out data too" } else { "" };
     Some(format!(
-        "what goes round with the wheels keeps its phase if the track is {} m, {off} % {wider} than the profile's, which is taken; measure it again",
-        digits(likelier)
+        "what goes round with the wheels keeps its phase{held_out} if the track is {} m, {off} % {wider} than the profile's, which is taken; measure it again",
+        digits(other)
     ))
 }
 

@@ -119,8 +119,7 @@ impl<'s, 'a> Elsewhere<'s, 'a> {
 
     /// Whether something was found that goes round with the wheels.
     fn round(&self) -> bool {
-        let turning = self.search.turning();
-        self.selected.state.effects.iter().any(|member| turning.contains(member))
+        self.selected.state.effects.iter().any(|member| self.search.turns(*member))
     }
 
     /// Difference of the logarithms of two widths at which no wheel stands much elsewhere.
@@ -224,7 +223,8 @@ impl<'s, 'a> Elsewhere<'s, 'a> {
         let mut selected = Selected { state, whitening, base: base.clone(), rivals: rivals.clone(), ranking: ranking.clone() };
         search.exchange(&mut selected, first, Newest::Open);
         if self.round() {
-            search.other_wheel(&mut selected, &search.respond_of(&search.turning(), &self.selected.plain()), first);
+            let about = search.respond_of(&search.turning_with(effects), &self.selected.plain());
+            search.other_wheel(&mut selected, &about, first);
         }
         Some((search, selected))
     }

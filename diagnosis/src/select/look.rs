@@ -24,13 +24,23 @@ impl<'a> Search<'a> {
         responses(&current, &library)
     }
 
+    /// Whether an effect goes round with something.
+    pub(crate) fn turns(&self, effect: usize) -> bool {
+        let effect = self.effect(effect);
+        let start = effect.starts(self.setting.scene).into_iter().next();
+        start.is_some_and(|start| effect.turned(&start.values, 0, 0.0).is_some())
+    }
+
     /// The effects that go round with something.
     pub(crate) fn turning(&self) -> Vec<usize> {
-        let turns = |i: &usize| {
-            let start = self.effect(*i).starts(self.setting.scene).into_iter().next();
-            start.is_some_and(|start| self.effect(*i).turned(&start.values, 0, 0.0).is_some())
-        };
-        self.open.iter().copied().filter(turns).collect()
+        self.open.iter().copied().filter(|i| self.turns(*i)).collect()
+    }
+
+    /// The effects that go round as a member does, whether or not they are tried on any recording.
+    pub(crate) fn turning_with(&self, members: &[usize]) -> Vec<usize> {
+        let lines: Vec<Option<f64>> = members.iter().filter(|i| self.turns(**i)).map(|i| self.effect(*i).line()).collect();
+        let applies = |i: &usize| self.effect(*i).inapplicable(self.setting.scene).is_none();
+        (0..self.library.len()).filter(|i| lines.contains(&self.effect(*i).line())).filter(applies).filter(|i| self.turns(*i)).collect()
     }
 
     /// Responses about a model, of which `first` are those about the base model.
