@@ -83,7 +83,9 @@ impl<'s, 'a> Elsewhere<'s, 'a> {
             return None;
         }
         let (step, steps) = self.steps();
-        let here = self.here();
+        // Wheels are followed anew at every width, at the one that it is told at too.
+        let here = self.place(self.now(), &self.selected.state.fit.point)?;
+        let least = here.likelihood + EXCHANGE;
         let walked = [-step, step].map(|step| self.walked(&here, step, steps));
         let best = walked.into_iter().flatten().reduce(|a, b| if b.likelihood > a.likelihood { b } else { a });
         let mut best = best.unwrap_or(here);
@@ -97,7 +99,7 @@ impl<'s, 'a> Elsewhere<'s, 'a> {
             likelihood
         };
         highest(nearer, log - step, log + step);
-        (best.likelihood > self.here().likelihood + EXCHANGE).then_some(best)
+        (best.likelihood > least).then_some(best)
     }
 
     /// The likeliest place on the way in one direction, which ends where it gets decisively worse.
@@ -132,12 +134,6 @@ impl<'s, 'a> Elsewhere<'s, 'a> {
             most - least
         };
         NEXT * radius / scene.tracks.iter().map(turned).fold(0.0, f64::max)
-    }
-
-    /// Where it is told.
-    fn here(&self) -> Place {
-        let fit = self.selected.state.fit.clone();
-        Place { log: self.now(), likelihood: fit.likelihood(&self.search.setting), fit }
     }
 
     /// The selection at a width, from a point near by.

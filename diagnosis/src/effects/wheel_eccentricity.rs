@@ -1,5 +1,5 @@
-//! A wheel that is not round, or not round its axle: its radius is (1 + ε) times r, ε = A cos φ + B sin φ, φ = n · distance / r, n = 1 or, if it is
-//! oval, 2.
+//! A wheel that is not round, or not round its axle: its radius is (1 + ε) times r, ε = A cos φ + B sin φ, n = 1 or, if it is oval, 2 times a turn. It
+//! turns further on what is smaller: φ + A sin φ − B cos φ = n · distance / r.
 //!
 //! `reading`: the recorded speed s of the wheel gains s ε, and the robot moves as if nothing was: an encoder or an odometry that is off its
 //! centre, outside the loop.
@@ -54,7 +54,14 @@ impl WheelEccentricity {
         if self.oval { 2.0 } else { 1.0 }
     }
 
-    /// The same in words.
+    /// Sine and cosine of φ where the wheel has come so far, by one of Newton's steps.
+    fn angle(&self, pair: &[f64], turned: f64) -> (f64, f64) {
+        let place = self.per_turn() * turned;
+        let (sin, cos) = place.sin_cos();
+        (place - (pair[0] * sin - pair[1] * cos) / (1.0 + pair[0] * cos + pair[1] * sin)).sin_cos()
+    }
+
+    /// How often in words.
     fn often(&self) -> &'static str {
         if self.oval { "twice" } else { "once" }
     }
@@ -219,7 +226,7 @@ impl Effect for WheelEccentricity {
         let (mut driven, mut pushed, mut ahead) = ([0.0; 2], [0.0; 2], [0.0; 2]);
         for (wheel, pair) in self.wheels().zip(amplitudes.chunks_exact(2)) {
             let side = wheel.index();
-            let (sin, cos) = (self.per_turn() * at.distance(side) / radius).sin_cos();
+            let (sin, cos) = self.angle(pair, at.distance(side) / radius);
             let growing = self.per_turn() * (pair[1] * cos - pair[0] * sin);
             driven[side] = -speeds[side] * (pair[0] * cos + pair[1] * sin);
             pushed[side] = (weight - spin_up * speeds[side].powi(2) / radius) * growing;
@@ -242,7 +249,7 @@ impl Effect for WheelEccentricity {
         let mut ripple = [0.0; 2];
         for (wheel, pair) in self.wheels().zip(amplitudes.chunks_exact(2)) {
             let side = wheel.index();
-            let (sin, cos) = (self.per_turn() * at.distance(side) / radius).sin_cos();
+            let (sin, cos) = self.angle(pair, at.distance(side) / radius);
             ripple[side] = speeds[side] * (pair[0] * cos + pair[1] * sin);
         }
         outputs.iter_mut().zip(frame.from_wheels(ripple)).for_each(|(x, d)| *x += d);

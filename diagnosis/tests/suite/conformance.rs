@@ -7,7 +7,7 @@ use wheelwright_diagnosis::effects::{EncoderQuantisation, TimestampJitter, Wheel
 fn every_effect_keeps_its_promises() {
     let mut all = library();
     // Settings that are for simulation only.
-    all.push(Box::new(EncoderQuantisation { counts: true }));
+    all.push(Box::new(EncoderQuantisation { counts: true, ..EncoderQuantisation::default() }));
     all.push(Box::new(TimestampJitter { seed: Some(7) }));
     all.push(Box::new(WheelRadiusMismatch { wheel: Some(Wheel::Left), ..WheelRadiusMismatch::default() }));
     let broken: Vec<String> = all

@@ -433,27 +433,40 @@ fn a_push_that_lags_makes_the_loop_of_second_order() {
     }
 }
 
-/// Currents are what drives the motors over their resistance, and the same voltage that is lost to them no longer drives them: V = V0 − R Σ|i|.
+/// Currents are what drives the motors over their resistance, and the same voltage that is lost to them no longer drives them: V = V0 − R Σ|i| − w, and
+/// w follows what is not lost at once.
 #[test]
 fn a_supply_with_a_resistance_gives_way_to_what_the_motors_draw() {
     let rig = body();
-    let (r, k, fed) = (0.1, 0.008, 0.9);
+    let (r, k, fed, ratio, back_emf) = (0.1, 0.008, 0.9, 1.4, 0.8);
     let typical = rig.scene().scales.command;
     // A typical command at wheels that stand: both motors draw all that is left, and lose r.
     let resistance = r / (1.0 - r) / (2.0 * typical);
-    for servo in [false, true] {
-        let values = if servo { vec![r, k, fed] } else { vec![r, k] };
-        let error = rig.error(&BatterySag { servo, law: SagLaw::Loaded }, &values, rig.start, &[], |t, u, x| {
-            let asked = wheels(if servo { [u[0] - fed * x[0], u[1] - fed * x[1]] } else { u });
+    let recovering = (SagLaw::Recovering, 0.3, 0.7);
+    for (servo, (law, at_once, time)) in [false, true].into_iter().flat_map(|s| [(s, (SagLaw::Loaded, 1.0, 1.0)), (s, recovering)]) {
+        let slow: &[f64] = if law == SagLaw::Recovering { &[at_once, time] } else { &[] };
+        let known: &[f64] = if servo { &[fed, ratio] } else { &[back_emf] };
+        let values = [&[r, k], slow, known].concat();
+        let [v, w] = rig.start;
+        let error = rig.error(&BatterySag { servo, law }, &values, [v, w, 0.0], &[], |t, u, [v, w, lost]| {
+            let x = [v, w];
+            // What each wheel's motor is asked for, and what would drive it at full voltage; the turning loop is of another strength than the forward one.
+            let volts = |forward: f64, turning: f64| wheels([forward, turning / if servo { ratio } else { 1.0 }]);
             let [a, b] = (rig.base)(u, x);
-            let full = if servo { wheels([0.26 * a, 0.19 * b]) } else { [0, 1].map(|i| wheels(u)[i] - wheels(x)[i]) };
+            let (asked, full) = if servo {
+                (volts(u[0] - fed * v, u[1] - (1.0 - ratio * (1.0 - fed)) * w), volts(0.26 * a, 0.19 * b))
+            } else {
+                (volts(u[0], u[1]), volts(u[0] - back_emf * v, u[1] - back_emf * w))
+            };
             // What flows at a voltage, and so which voltage it leaves, until they agree.
             let drawn = |left: f64| -> f64 { [0, 1].map(|i| (full[i] - (1.0 - left) * asked[i]).abs()).iter().sum() };
-            let left = (0..60).fold(1.0, |left, _| 1.0 - resistance * drawn(left)) - k * (t - rig.stretch().time[0]);
+            let open = 1.0 - k * (t - rig.stretch().time[0]) - lost;
+            let left = (0..80).fold(open, |left, _| open - at_once * resistance * drawn(left));
             let pulls = |i: usize| if servo { fed * x[i] + left * (u[i] - fed * x[i]) } else { left * u[i] };
-            (rig.base)([pulls(0), pulls(1)], x)
+            let [a, b] = (rig.base)([pulls(0), pulls(1)], x);
+            [a, b, ((1.0 - at_once) * resistance * drawn(left) - lost) / time]
         });
-        assert!(error < 1e-3, "{error}");
+        assert!(error < 1e-3, "{servo} {law:?}: {error}");
     }
 }
 

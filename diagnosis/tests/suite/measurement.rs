@@ -151,6 +151,11 @@ fn a_wrong_track_is_absorbed_by_the_parameters() {
     assert!(error < 5e-5, "{error}");
 }
 
+/// The angle of a wheel of radius r (1 + a cos φ + b sin φ) that has rolled so far, in terms of r: it turns further on what is smaller.
+fn angle(rolled: f64, a: f64, b: f64) -> f64 {
+    (0..60).fold(rolled, |angle, _| rolled - a * angle.sin() + b * angle.cos())
+}
+
 #[test]
 fn an_eccentric_wheel_ripples_once_a_turn() {
     let rig = rig();
@@ -170,7 +175,7 @@ fn an_eccentric_wheel_ripples_once_a_turn() {
     }
     let error = rig.difference(&run, |k| {
         let [v, w, ..] = truth[k].1;
-        let (phase, right) = (distance[k] / radius, v + HALF_TRACK * w);
+        let (phase, right) = (angle(distance[k] / radius, a, b), v + HALF_TRACK * w);
         let ripple = right * (a * phase.cos() + b * phase.sin());
         [v + 0.5 * ripple, w + ripple / (2.0 * HALF_TRACK)]
     });
@@ -198,7 +203,7 @@ fn a_wheel_off_its_axle_is_driven_unevenly_carries_weight_is_sped_up_and_scrubs(
         effect.load(&[a, b, weight, spin_up, scrub, ratio, radius], &at, &[v, w], &[], &mut load);
         load
     };
-    let phase = rig.scene.tracks[0].distance[0][row] / radius;
+    let phase = angle(rig.scene.tracks[0].distance[0][row] / radius, a, b);
     // The loop keeps s (1 − ε) where it would keep s; the weight pushes the left wheel, and so does what a wheel and its motor take to follow
     // the rate s (1 − ε)/r at a steady s, here by the difference of an angle gone on.
     let speed = v - HALF_TRACK * w;
@@ -209,8 +214,9 @@ fn a_wheel_off_its_axle_is_driven_unevenly_carries_weight_is_sped_up_and_scrubs(
     // Lifting the weight takes as much as its height changes over the wheel's angle.
     let slope = b * phase.cos() - a * phase.sin();
     let pushed = weight * slope;
-    // The difference is exact to a part in 10¹⁰.
-    for (spin_up, pushed, least) in [(0.0, pushed, 1e-12), (spin_up, pushed + spin_up * gained, 1e-9)] {
+    // The angle is exact to the cube of the ripple.
+    let least = a.hypot(b).powi(3);
+    for (spin_up, pushed) in [(0.0, pushed), (spin_up, pushed + spin_up * gained)] {
         // The weight on the wheel by its lever is the push at the rim times the radius; the tyre is dragged across the whole of that lever.
         let dragged = -scrub * weight * slope.abs() * radius / (2.0 * HALF_TRACK * HALF_TRACK) * ratio;
         for (scrub, dragged) in [(0.0, 0.0), (scrub, dragged)] {
@@ -235,7 +241,7 @@ fn an_encoder_records_means_on_a_lattice() {
         let error = rig.difference(&run, mean);
         assert!(error < 5e-5, "{error}");
     }
-    let run = rig.run(&EncoderQuantisation { counts: true }, &[q], Readout::Instantaneous);
+    let run = rig.run(&EncoderQuantisation { counts: true, ..EncoderQuantisation::default() }, &[q], Readout::Instantaneous);
     let (mut counted, mut worst) = ([0.0; 2], 0.0_f64);
     for k in 1..time.len() {
         let span = time[k] - time[k - 1];
@@ -248,6 +254,17 @@ fn an_encoder_records_means_on_a_lattice() {
     }
     // Nothing is lost: the sum of all counts is the distance to within one.
     assert!(worst < 1.01 * q, "{worst}");
+}
+
+#[test]
+fn a_readout_records_multiples_of_its_steps() {
+    let (rig, steps) = (rig(), [0.02, 0.07]);
+    let truth = rig.truth(&[]);
+    let run = rig.run(&EncoderQuantisation { readout: true, ..EncoderQuantisation::default() }, &steps, Readout::Instantaneous);
+    for (i, step) in steps.into_iter().enumerate() {
+        let between = |x: f64, y: f64| (x / step - (x / step).round()).abs() < 1e-9 && (x - y).abs() < 0.51 * step;
+        assert!(run[i].iter().zip(&truth).all(|(x, (_, y))| between(*x, y[i])), "{i}");
+    }
 }
 
 #[test]
