@@ -15,7 +15,7 @@ use crate::fit::layout::Layout;
 use crate::fit::search::{Effort, Fit};
 use crate::fit::setting::{Point, Runner, Setting};
 use crate::fit::whitening::Whitening;
-use crate::gauge;
+use crate::gauge::{self, Elsewhere};
 use crate::judge::{Bench, judged, widened};
 use crate::noise::Noise;
 use crate::question::{DiagnosisError, Question};
@@ -94,7 +94,10 @@ pub fn diagnose(question: &Question<'_>) -> Result<Diagnosis, DiagnosisError> {
         likelier = gauge::retold(question, &mut story, headings.as_deref(), &fitting[2], |elsewhere| elsewhere.likelier());
         shown.iter_mut().for_each(|wheels| wheels.track_width = likelier.unwrap_or(wheels.track_width));
     }
-    let asked = gauge::retold(question, &mut story, headings.as_deref(), &fitting[3], |elsewhere| elsewhere.asked_for());
+    // Where what goes round told another track than the profile's, held-out data have nothing to ask for.
+    let tuned = question.track_width.is_some() && likelier.is_some();
+    let asked_for = |elsewhere: &Elsewhere<'_, '_>| if tuned { None } else { elsewhere.asked_for() };
+    let asked = gauge::retold(question, &mut story, headings.as_deref(), &fitting[3], asked_for);
     warnings.extend(unknown_wheels(question, shown, asked));
     warnings.extend(another_track(question, likelier, asked));
     story.selected = story.search.modest(story.selected);
