@@ -15,7 +15,9 @@ use super::words::quantity;
 /// more forward than a speed takes to be held has a negative one. Where
 /// the loops are closed on forward and angular velocity, both pull at each wheel in the ratio of their gains: the wheel lacks e_v ± h
 /// e_ω / ρ with ρ the ratio of the force-to-command gains of forward and angular motion, and what is cut of the angular command is ρ
-/// times as much; its back-EMF is the wheel's own. In voltages, and for channels of which nothing is known, the limit cuts what is left for
+/// times as much; its back-EMF is the wheel's own. A loop with a derivative part asks for less while the wheel speeds up, which makes the robot as much
+/// heavier as long as nothing is cut: of what the wheel is driven by, D, a share δ is asked back, and U − (1 + κ) s − δ D is cut, by 1/(1 − δ) times
+/// as much, as the robot is lighter then. In voltages, and for channels of which nothing is known, the limit cuts what is left for
 /// acceleration when friction and back-EMF have taken theirs: a current limit but for the share that friction needs.
 ///
 /// A controller of forward and angular velocity may limit what it asks of either axis, whatever that comes to at a wheel: with the law `axes`
@@ -49,11 +51,14 @@ const BASES: [f64; 2] = [0.25, 0.7];
 const UP_TO_THEM: [f64; 2] = [0.3, 1.0];
 /// Back-EMF in terms of a loop's gain on most robots: what their speed falls short of the command.
 const BACK_EMF: f64 = 0.05;
+/// Share of a robot's inertia that is its loops' derivative part on most robots that have one, and the most that may be.
+const DERIVATIVE: f64 = 0.1;
+const MOST_DERIVATIVE: f64 = 0.7;
 
 /// Where a limit of power is tried.
 fn powers(scene: &Scene) -> Vec<Start> {
     let at = |limit: f64, base: f64| Start {
-        values: vec![limit * scene.scales.command, 1.0, 0.0, base * scene.scales.speed],
+        values: vec![limit * scene.scales.command, 1.0, 0.0, 0.0, base * scene.scales.speed],
         columns: vec![vec![0]],
         linear: false,
     };
@@ -101,9 +106,11 @@ impl Effect for TorqueSaturation {
                 .map(|((channel, typical), axis)| limit("limit", &channel.unit, *typical).of("axis", axis))
                 .collect(),
             Frame::Body { .. } => {
-                let ratio = EffectParameter::new("turning_ratio", "1", (0.2, 4.0), 0.3);
                 let back_emf = EffectParameter::new("back_emf", "1", (-1.0, 1.0), 0.4 * BACK_EMF).usually(0.0, BACK_EMF);
-                let mut all = vec![limit("limit", "m/s", typical), ratio, back_emf];
+                let derivative = EffectParameter::new("derivative", "1", (0.0, MOST_DERIVATIVE), 0.2 * DERIVATIVE).usually(0.0, DERIVATIVE);
+                let mut all = vec![limit("limit", "m/s", typical)];
+                all.extend(force::turning_ratio(scene));
+                all.extend([back_emf, derivative]);
                 if self.law == TorqueLaw::Power {
                     let speed = scene.scales.speed;
                     all.push(EffectParameter::new("base_speed", "m/s", (0.01 * speed, f64::INFINITY), 0.1 * speed));
@@ -125,7 +132,7 @@ impl Effect for TorqueSaturation {
         let (wheels, n) = (matches!(scene.frame, Frame::Body { .. }) && by_wheel, scene.inputs.len());
         let at = |share: f64, rho: f64| Start {
             values: match scene.frame {
-                Frame::Body { .. } if by_wheel => vec![share * scene.scales.command, rho, 0.0],
+                Frame::Body { .. } if by_wheel => vec![share * scene.scales.command, rho, 0.0, 0.0],
                 Frame::Sides { .. } => vec![share * scene.scales.command],
                 _ => scene.scales.inputs.iter().map(|typical| share * typical).collect(),
             },
@@ -147,7 +154,7 @@ impl Effect for TorqueSaturation {
             Frame::Body { .. } => format!(
                 "a wheel's drive pulls no harder than for a lack of {} of speed{}; the model had no limit of torque or current",
                 quantity(values[0], "m/s"),
-                match values.get(3) {
+                match values.get(4) {
                     Some(base) => format!(", and above {} as much less as it turns faster: its power is limited", quantity(*base, "m/s")),
                     None => String::new(),
                 }
@@ -195,11 +202,12 @@ impl Effect for TorqueSaturation {
                 }
             }
             Frame::Body { .. } => {
-                let rho = p[1];
+                let (rho, back_emf, derivative) = (p[1], p[2], p[3]);
                 let lack = [0, 1].map(|axis| motion.u[axis] - motion.outputs[axis]);
-                let (asked, speeds) = (frame.at_wheels(&lack, rho), frame.wheels(motion.outputs));
-                let limit = |side: usize| p.get(3).map_or(p[0], |base| p[0] * (base / speeds[side].abs()).min(1.0));
-                let cut = [0, 1].map(|side| -excess(asked[side] - p[2] * speeds[side], limit(side)));
+                let (asked, driven, speeds) = (frame.at_wheels(&lack, rho), frame.at_wheels(drive, rho), frame.wheels(motion.outputs));
+                let limit = |side: usize| p.get(4).map_or(p[0], |base| p[0] * (base / speeds[side].abs()).min(1.0));
+                let pulled = |side: usize| asked[side] - back_emf * speeds[side] - derivative * driven[side];
+                let cut = [0, 1].map(|side| -excess(pulled(side), limit(side)) / (1.0 - derivative));
                 frame.add_at_wheels(cut, rho, drive);
             }
             Frame::Sides { .. } => drive.iter_mut().for_each(|d| *d -= excess(*d, p[0])),

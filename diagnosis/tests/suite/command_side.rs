@@ -2,7 +2,7 @@
 
 use crate::rig;
 
-use crate::common::{HALF_TRACK, base, data, difference, held, model, scene};
+use crate::common::{HALF_TRACK, THETA, base, data, difference, held, model, scene};
 use wheelwright_core::effect::{Effect, Estimate};
 use wheelwright_diagnosis::effects::{
     ActuatorLag, Axis, BatterySag, CommandDelay, CommandOffset, DeadZone, GainAsymmetry, IntegralAction, SagLaw, SlewLimit, TorqueLaw,
@@ -317,7 +317,7 @@ fn what_loops_have_gathered_may_leak() {
 #[test]
 fn a_drive_pulls_no_harder_than_its_limit() {
     for (limit, rho, emf) in [(0.1, 1.0, 0.0), (0.16, 1.9, 0.0), (0.12, 1.0, 0.04), (0.12, 1.5, 0.08)] {
-        let error = difference(&[&TorqueSaturation::default()], &[limit, rho, emf], &[], [0.3, 0.2], |s, t, x| {
+        let error = difference(&[&TorqueSaturation::default()], &[limit, rho, emf, 0.0], &[], [0.3, 0.2], |s, t, x| {
             let u = held(s, t);
             // Each wheel pulls by what its share of both loops asks for less what its own speed induces, up to the limit; the base model takes
             // off what it induces without one.
@@ -329,10 +329,31 @@ fn a_drive_pulls_no_harder_than_its_limit() {
     }
 }
 
+/// A loop asks back a share of what drives the wheel; what the limit cuts of that makes the robot lighter.
+#[test]
+fn a_limit_cuts_what_a_loops_derivative_part_asks_back_as_well() {
+    let (limit, rho, emf, share) = (0.12, 1.5, 0.04, 0.2);
+    let error = difference(&[&TorqueSaturation::default()], &[limit, rho, emf, share], &[], [0.3, 0.2], |s, t, x| {
+        let u = held(s, t);
+        let (asked, induced) = (wheels([u[0] - x[0], (u[1] - x[1]) / rho]), wheels(*x).map(|speed| emf * speed));
+        let [a, b] = base(u, x);
+        let plain = wheels([THETA[0] * a, THETA[1] * b / rho]);
+        // What drives each wheel: what passes the limit, less all that the robot without one loses of what is asked.
+        let [forward, turn] = body([0, 1].map(|i| {
+            (0..60).fold(plain[i], |driven, _| {
+                let passes = (asked[i] - induced[i] - share * driven).max(-limit).min(limit) + induced[i];
+                (passes - (asked[i] - plain[i])) / (1.0 - share)
+            })
+        }));
+        [forward / THETA[0], rho * turn / THETA[1]]
+    });
+    assert!(error < 2e-4, "{error}");
+}
+
 #[test]
 fn a_drive_has_no_more_than_its_power() {
     let (limit, rho, emf, slow) = (0.2, 1.4, 0.03, 0.1);
-    let error = difference(&[&TorqueSaturation { law: TorqueLaw::Power }], &[limit, rho, emf, slow], &[], [0.3, 0.2], |s, t, x| {
+    let error = difference(&[&TorqueSaturation { law: TorqueLaw::Power }], &[limit, rho, emf, 0.0, slow], &[], [0.3, 0.2], |s, t, x| {
         let u = held(s, t);
         let (asked, speeds) = (wheels([u[0] - x[0], (u[1] - x[1]) / rho]), wheels(*x));
         let [forward, turn] = body([0, 1].map(|i| {
