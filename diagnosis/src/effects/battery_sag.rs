@@ -57,8 +57,8 @@ pub struct BatterySag {
 /// Share by which a supply is tried to give way, and the share of that which it does at once.
 const GIVES_WAY: f64 = 0.1;
 const AT_ONCE: f64 = 0.5;
-/// Times in which it is tried to recover, and the shortest that is told \[s\].
-const RECOVERS: [f64; 2] = [1.0, 6.0];
+/// Time in which it is tried to recover, and the shortest that is told \[s\].
+const RECOVERS: f64 = 2.5;
 const SHORTEST: f64 = 0.05;
 
 impl BatterySag {
@@ -156,7 +156,7 @@ impl Effect for BatterySag {
             SagLaw::Recovering => {
                 let at_once = EffectParameter::new("at_once", "1", (0.0, 1.0), 0.1).usually(AT_ONCE, AT_ONCE);
                 let bounds = (SHORTEST, duration(scene).max(SHORTEST));
-                vec![share("lost_under_load"), sag, at_once, EffectParameter::new("recovery_time", "s", bounds, 0.2 * RECOVERS[0])]
+                vec![share("lost_under_load"), sag, at_once, EffectParameter::new("recovery_time", "s", bounds, 0.2 * RECOVERS)]
             }
         };
         match (self.yields(), self.servo) {
@@ -174,7 +174,7 @@ impl Effect for BatterySag {
             SagLaw::Settling => (trend::times(scene).map(|time| vec![0.03, time]).into(), vec![vec![0]]),
             SagLaw::Dropped => (moments::SHARES.map(|share| vec![0.03, moments::at(share, scene)]).into(), vec![vec![0]]),
             SagLaw::Loaded => (vec![vec![GIVES_WAY, steady]], vec![vec![0], vec![1]]),
-            SagLaw::Recovering => (RECOVERS.map(|time| vec![GIVES_WAY, steady, AT_ONCE, time]).into(), vec![vec![0], vec![1]]),
+            SagLaw::Recovering => (vec![vec![GIVES_WAY, steady, AT_ONCE, RECOVERS]], vec![vec![0], vec![1]]),
         };
         let all = self.parameters(scene);
         // What loops and motors are known by is as usual.

@@ -2,9 +2,9 @@
 //! its own: y' = q round(y/q).
 
 use serde::{Deserialize, Serialize};
-use wheelwright_core::{Channel, Effect};
 use wheelwright_core::effect::{Confusion, EffectParameter, Estimate, Instant, Scene, Stage, Start};
 use wheelwright_core::simulation::Readout;
+use wheelwright_core::{Channel, Effect};
 
 use super::reading::mean;
 use super::words::quantity;
@@ -36,7 +36,8 @@ impl Effect for EncoderQuantisation {
     }
 
     fn about(&self) -> String {
-        if self.readout { "values are rounded where they are read" } else { "speeds are whole counts of an encoder over an interval" }.to_owned()
+        if self.readout { "values are rounded where they are read" } else { "speeds are whole counts of an encoder over an interval" }
+            .to_owned()
     }
 
     fn stage(&self) -> Stage {

@@ -1,23 +1,28 @@
 //! Rolling resistance: every wheel resists in proportion to the load that it carries.
 //!
 //! The driven wheels' share acts on each against its own rolling, F = d sgn s, and is therefore dry friction at the wheels to the letter
-//! (`coulomb_friction`, same equation, same signs). What tells them apart is the share of the weight that other wheels carry along on the
+//! (`coulomb_friction`, same equation, same signs). What tells them apart is the share w of the weight that other wheels carry along on the
 //! centre line, a distance d from the axle: there the robot moves at (v, d ω), and feels F = c against that, c v/√(v² + d² ω²) against forward
-//! motion and (ρ d²/h²) c ω/√(v² + d² ω²) against turning; near the axle it is c sgn v without a lever to brake a turn. Neither share is known
-//! beforehand. How a castor swings round is `castor_drag`, how patches scrub is `turning_scrub`.
+//! motion and (ρ d²/h²) c ω/√(v² + d² ω²) against turning; near the axle it is c sgn v without a lever to brake a turn. Of a resistance r to straight
+//! driving the driven wheels have (1 − w) r and the others w r. The share is not known beforehand, but at most a half: a robot's weight is nearer to its
+//! driven wheels, or they would not move it. One that drags by more than its weight is `castor_drag`, as is how it swings round; how patches scrub is
+//! `turning_scrub`.
 
 use serde::{Deserialize, Serialize};
 use wheelwright_core::Effect;
 use wheelwright_core::effect::{Confusion, EffectParameter, Estimate, Instant, Scene, Stage, Start};
 
 use super::force;
-use super::words::quantity;
+use super::words::{quantity, scaled};
 
 /// Places of the parameters; the turning ratio stands last, where there is one.
-const CARRIED: usize = 0;
-const DRIVEN: usize = 1;
+const RESISTANCE: usize = 0;
+const CARRIED: usize = 1;
 const DISTANCE: usize = 2;
 const RATIO: usize = 3;
+/// Share of the weight that other wheels carry on most robots, and the most that they do.
+const SHARE: f64 = 0.25;
+const MOST: f64 = 0.5;
 
 /// Rolling resistance.
 #[derive(Debug, Clone, Default, Serialize, Deserialize)]
@@ -48,24 +53,22 @@ impl Effect for RollingResistance {
 
     fn parameters(&self, scene: &Scene) -> Vec<EffectParameter> {
         let h = scene.frame.half_track();
-        let sizes = ["resistance", "driven"].into_iter().flat_map(|name| force::sizes(scene, name));
+        let carried = EffectParameter::new("carried", "1", (0.0, MOST), 0.2 * SHARE).usually(SHARE, SHARE);
         // Ahead or behind is one. Where nobody knows, near the axle.
         let distance = EffectParameter::new("distance", "m", (0.0, 3.0 * h), 0.2 * h).usually(0.0, h);
-        sizes.chain([distance]).chain(force::turning_ratio(scene)).collect()
+        force::sizes(scene, "resistance").into_iter().chain([carried, distance]).chain(force::turning_ratio(scene)).collect()
     }
 
     fn starts(&self, scene: &Scene) -> Vec<Start> {
         let size = 0.05 * force::command(scene, 0);
-        let at = |distance: f64| force::starts(scene, &[size, size, distance], &[vec![CARRIED], vec![DRIVEN]]);
+        let at = |distance: f64| force::starts(scene, &[size, SHARE, distance], &[vec![RESISTANCE]]);
         [0.0, scene.frame.half_track()].into_iter().flat_map(at).collect()
     }
 
     fn statement(&self, values: &[Estimate], scene: &Scene) -> String {
-        let [carried, driven] = [CARRIED, DRIVEN].map(|place| force::in_words(values[place], scene));
-        let place = quantity(values[DISTANCE], "m");
-        format!(
-            "rolling resistance uses up {driven} at each driven wheel and {carried} for what rolls along {place} from the axle; the model had none"
-        )
+        let (resistance, place) = (force::in_words(values[RESISTANCE], scene), quantity(values[DISTANCE], "m"));
+        let carried = quantity(scaled(values[CARRIED], |w| 100.0 * w), "%");
+        format!("rolling resistance uses up {resistance} of which what rolls along {place} from the axle has {carried}; the model had none")
     }
 
     fn contains(&self) -> &'static [&'static str] {
@@ -100,8 +103,8 @@ impl Effect for RollingResistance {
     }
 
     fn load(&self, p: &[f64], at: &Instant<'_>, outputs: &[f64], _state: &[f64], load: &mut [f64]) {
-        let ratio = p.get(RATIO);
-        force::slides(at.scene, outputs, [p[CARRIED], p[DISTANCE]], ratio, load);
-        force::at_contacts(at, outputs, ratio, None, load, |_, _, sign| p[DRIVEN] * sign);
+        let (ratio, carried) = (p.get(RATIO), p[CARRIED] * p[RESISTANCE]);
+        force::slides(at.scene, outputs, [carried, p[DISTANCE]], ratio, load);
+        force::at_contacts(at, outputs, ratio, None, load, |_, _, sign| (p[RESISTANCE] - carried) * sign);
     }
 }

@@ -30,9 +30,7 @@ impl Currents {
     /// Under a drive; `known` are the values of [`known`].
     pub(super) fn of(servo: bool, known: &[f64], frame: &Frame, motion: &Motion<'_>, drive: &[f64]) -> Self {
         match (servo, known) {
-            (true, &[feedback, ratio]) => {
-                Self { asked: force::asked(frame, motion, feedback, ratio), full: frame.at_wheels(drive, ratio) }
-            }
+            (true, &[feedback, ratio]) => Self { asked: force::asked(frame, motion, feedback, ratio), full: frame.at_wheels(drive, ratio) },
             (false, &[back_emf]) => Self { asked: frame.wheels(motion.u), full: force::asked(frame, motion, back_emf, 1.0) },
             _ => Self { asked: frame.wheels(motion.u), full: frame.wheels(drive) },
         }

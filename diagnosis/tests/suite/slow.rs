@@ -25,7 +25,7 @@ fn a_slow_ramp_is_found_before_a_quick_robot() {
         question.experiment = false;
         let answer = diagnose(&question).unwrap();
         let names: Vec<&str> = answer.effects.iter().map(|e| &*e.name).collect();
-        assert_eq!(names, ["slew_limit"]);
+        assert_eq!(names, ["slew_limit"], "{} {:?}", answer.headline, answer.warnings);
         let found = &answer.effects[0].values;
         assert!((found[0] / rate - 1.0).abs() < 0.02 && (found[1] / rate - 2.0).abs() < 0.04 && (found[2] - 0.5).abs() < 0.02, "{found:?}");
     }
