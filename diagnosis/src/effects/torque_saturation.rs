@@ -51,9 +51,10 @@ const BASES: [f64; 2] = [0.25, 0.7];
 const UP_TO_THEM: [f64; 2] = [0.3, 1.0];
 /// Back-EMF in terms of a loop's gain on most robots: what their speed falls short of the command.
 const BACK_EMF: f64 = 0.05;
-/// Share of a robot's inertia that is its loops' derivative part on most robots that have one, and the most that may be.
+/// Share of a robot's inertia that is its loops' derivative part on most robots that have one, and the most that may be: a loop in steps whose derivative part
+/// weighs more than the robot shakes it ever harder.
 const DERIVATIVE: f64 = 0.1;
-const MOST_DERIVATIVE: f64 = 0.7;
+const MOST_DERIVATIVE: f64 = 0.5;
 
 /// Where a limit of power is tried.
 fn powers(scene: &Scene) -> Vec<Start> {

@@ -17,7 +17,7 @@ pub(crate) use self::contest::Newest;
 use self::contest::of_the_last;
 use crate::diagnose::Known;
 use crate::fit::algebra::Directions;
-use crate::fit::search::{Effort, Fit};
+use crate::fit::search::{Effort, Fit, left};
 use crate::fit::setting::{Point, Runner, Setting};
 use crate::fit::whitening::Whitening;
 use crate::noise::Noise;
@@ -236,7 +236,12 @@ impl<'a> Search<'a> {
                 selected.ranking = ranking;
             }
             if joined.is_none() && coloured(&selected.whitening.noise) && !self.setting.exhausted() {
-                joined = self.plainly(&selected).and_then(|plain| self.joined(&plain, first));
+                if let Some(plain) = self.plainly(&selected) {
+                    joined = self.joined(&plain, first);
+                    if joined.is_none() {
+                        selected = self.likelier(selected, &plain);
+                    }
+                }
             }
             let Some(next) = joined else { break };
             selected = Selected { ranking: selected.ranking, ..next };
@@ -271,6 +276,26 @@ impl<'a> Search<'a> {
             rivals: selected.rivals.clone(),
             ranking: selected.ranking.clone(),
         })
+    }
+
+    /// A selection, or the same from the place that it has under plain noise, if it leaves less from there, each under the noise that it leaves itself: a fit
+    /// may have stopped where its misfit passes for noise.
+    fn likelier(&self, selected: Selected, plain: &Selected) -> Selected {
+        let setting = &self.setting;
+        let squares = |fit: &Fit| -> f64 {
+            let (rest, scales) = (left(setting, &fit.simulated), &setting.scene.scales.outputs);
+            scales.iter().enumerate().map(|(c, scale)| setting.layout.output(c).map(|k| (rest[k] / scale).powi(2)).sum::<f64>()).sum()
+        };
+        if squares(&plain.state.fit) > (1.0 - SHARE) * squares(&selected.state.fit) {
+            return selected;
+        }
+        let own = |selected: &Selected| {
+            let scale: f64 = selected.whitening.noise.innovation.iter().map(|s| 2.0 * setting.layout.counted() as f64 * s.ln()).sum();
+            selected.state.fit.likelihood(setting) - scale
+        };
+        let Some(there) = self.renewed(plain, plain.state.effects.clone(), &plain.state.fit) else { return selected };
+        let Some(here) = self.renewed(&selected, selected.state.effects.clone(), &selected.state.fit) else { return selected };
+        if own(&there) > own(&here) + EXCHANGE { Selected { rivals: selected.rivals, ..there } } else { selected }
     }
 
     fn ranking(&self, screened: &[Vec<Candidate>], refined: &[Refined]) -> Vec<(usize, f64)> {
