@@ -1,17 +1,17 @@
 //! What training data leave open between two places far from each other.
 
-use rand::SeedableRng;
 use rand::rngs::StdRng;
+use rand::{Rng, SeedableRng};
 use wheelwright_core::ModelConfig;
 use wheelwright_core::effect::Effect;
 use wheelwright_diagnosis::effects::{
-    ActuatorLag, Axis, CastorDrag, CastorKind, CommandDelay, EncoderQuantisation, SlewLimit, VelocitySaturation,
+    ActuatorLag, Axis, CastorDrag, CastorKind, CommandDelay, EncoderQuantisation, SensorDelay, SlewLimit, VelocitySaturation,
 };
 use wheelwright_diagnosis::{Question, Verdict, diagnose};
 use wheelwright_models::VwPdConfig;
 
 use super::drive::{Drive, blur};
-use super::recorded::{NOISE, TRACK, commands, counted, driven, half_averaged, model, names, record};
+use super::recorded::{NOISE, TRACK, add_noise, commands, counted, driven, half_averaged, model, names, record};
 
 /// Two lags in series are one mathematics either way round, but for what couples the outputs behind the first.
 #[test]
@@ -67,6 +67,51 @@ fn whole_counts_say_that_means_are_recorded() {
         let answer = diagnose(&question).unwrap();
         assert_eq!((answer.verdict, names(&answer)), (Verdict::Explained, vec!["velocity_saturation", "encoder_quantisation"]), "{seed}");
     }
+}
+
+/// A late command and a late sensor are one mathematics, but only messages are late each by a time of its own.
+#[test]
+fn what_is_late_by_another_time_each_message_is_the_command() {
+    let (rows, finer, step) = (1600, 10, 0.005);
+    let mut random = StdRng::seed_from_u64(81);
+    let sent = commands(&mut random, rows, true);
+    let mut fine = commands(&mut random, rows * finer, true);
+    fine.time = fine_times(rows * finer, step);
+    for (fine, sent) in fine.inputs.iter_mut().zip(&sent.inputs) {
+        // When the message in force came, and the next one comes.
+        let (mut now, mut arrivals) = (sent[0], Vec::new());
+        for k in 1..rows {
+            if sent[k] != sent[k - 1] {
+                arrivals.push((sent[k], 0.05 * k as f64 + random.random_range(0.05..0.15)));
+            }
+        }
+        let mut next = arrivals.into_iter().peekable();
+        for (u, t) in fine.iter_mut().zip(&fine_times(rows * finer, step)) {
+            while let Some((command, _)) = next.next_if(|(_, at)| at <= t) {
+                now = command;
+            }
+            *u = now;
+        }
+    }
+    let moved = driven(0.0, TRACK, &mut random, fine, &[], 0.0);
+    let mut data = record(81, rows, true, &[], 0.0);
+    let sampled = |series: &Vec<f64>| series.iter().copied().step_by(finer).collect::<Vec<f64>>();
+    data.stretches[0].inputs = sent.inputs;
+    data.stretches[0].outputs = moved.stretches[0].outputs.iter().map(sampled).collect();
+    add_noise(&mut data.stretches[0].outputs, 81, rows);
+    // Among equals the first of the library would be told.
+    let library: Vec<Box<dyn Effect>> = vec![Box::new(SensorDelay::default()), Box::new(CommandDelay::default())];
+    let model = model();
+    let mut question = Question::new(&*model, &data, &library);
+    question.track_width = Some(TRACK);
+    let answer = diagnose(&question).unwrap();
+    assert_eq!((answer.verdict, names(&answer)), (Verdict::Explained, vec!["command_delay"]), "{} {:?}", answer.headline, answer.warnings);
+    assert!(answer.location.tests.iter().any(|t| t.contains("comes late by a time of its own")), "{:?}", answer.location.tests);
+    assert_eq!(answer.effects[0].alternatives.iter().map(|a| a.name.as_str()).collect::<Vec<_>>(), ["sensor_delay"]);
+}
+
+fn fine_times(count: usize, step: f64) -> Vec<f64> {
+    (0..count).map(|k| step * k as f64).collect()
 }
 
 /// Where turning is gentle nothing tells whether it is read as a mean too; held-out steps do.
