@@ -95,7 +95,7 @@ impl BatterySag {
 
     /// What a supply gives way by in the end for a unit of current, and which share of it at once.
     fn resistance(&self, p: &[f64], at: &Instant<'_>) -> (f64, f64) {
-        let whole = 0.5 * p[0] / (1.0 - p[0]).max(f64::MIN_POSITIVE) / at.scene.scales.command;
+        let whole = 0.5 * p[0] / (1.0 - p[0]).max(f64::EPSILON) / at.scene.scales.command;
         (whole, if self.law == SagLaw::Recovering { p[2] } else { 1.0 })
     }
 
