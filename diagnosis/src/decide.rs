@@ -90,8 +90,8 @@ pub(crate) fn decide(weighed: Weighed<'_>) -> Decided {
 
 /// A finding of an effect that acts on the noise.
 fn of_noise(name: &str, values: &[f64], flag: &Flag, effects: &[Box<dyn Effect>], scene: &Scene) -> Option<Finding> {
-    let known = |e: &&Box<dyn Effect>| e.name() == name && e.inapplicable(scene).is_none() && e.parameters(scene).len() == values.len();
-    let effect = effects.iter().find(known)?;
+    let known = |e: &dyn Effect| e.name() == name && e.inapplicable(scene).is_none() && e.parameters(scene).len() == values.len();
+    let effect = effects.iter().find(|e| known(&***e))?;
     let parameters = effect.parameters(scene);
     Some(Finding {
         name: effect.name().to_owned(),

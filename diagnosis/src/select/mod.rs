@@ -235,12 +235,11 @@ impl<'a> Search<'a> {
             if depth == 0 {
                 selected.ranking = ranking;
             }
-            if joined.is_none() && coloured(&selected.whitening.noise) && !self.setting.exhausted() {
-                if let Some(plain) = self.plainly(&selected) {
-                    joined = self.joined(&plain, first);
-                    if joined.is_none() {
-                        selected = self.likelier(selected, &plain);
-                    }
+            let hidden = joined.is_none() && coloured(&selected.whitening.noise) && !self.setting.exhausted();
+            if let Some(plain) = hidden.then(|| self.plainly(&selected)).flatten() {
+                joined = self.joined(&plain, first);
+                if joined.is_none() {
+                    selected = self.likelier(selected, &plain);
                 }
             }
             let Some(next) = joined else { break };
