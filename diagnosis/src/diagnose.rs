@@ -270,8 +270,7 @@ fn late(effect: &dyn Effect) -> bool {
 /// Twice the log-likelihood of the whole less what its effects cost. Comparable between readings of the same data: the scale of
 /// each reading's own noise counts with it.
 fn evidence(search: &Search<'_>, state: &State, whitening: &Whitening, base: &Fit) -> f64 {
-    let rows = search.setting.layout.counted() as f64;
-    let scale: f64 = whitening.noise.innovation.iter().map(|s| 2.0 * rows * s.ln()).sum();
+    let scale = whitening.noise.scale(search.setting.layout.counted());
     let effects = state.effects.len() as f64;
     let freedom = (search.freedom(&state.effects, &state.fit) - search.freedom(&[], base)).max(effects);
     let cost = freedom * search.log_values() + effects * (search.penalty(1.0) - search.log_values());

@@ -54,6 +54,11 @@ impl Noise {
         }
     }
 
+    /// What so many values of each output cost twice a log-likelihood by the size of their innovations, on which whitened residuals are silent.
+    pub(crate) fn scale(&self, rows: usize) -> f64 {
+        self.innovation.iter().map(|s| 2.0 * rows as f64 * s.ln()).sum()
+    }
+
     /// Estimates the law from residuals in which `taken` degrees of freedom were fitted. No deviation is taken for less than `floor`.
     pub(crate) fn estimate(residual: &[f64], layout: &Layout, taken: f64, floor: &[f64]) -> Self {
         let n = layout.outputs();

@@ -63,14 +63,9 @@ fn powers(comparison: &Comparison<'_>, angle: &[f64], weight: Option<&Vec<f64>>,
         innovations.iter().map(|r| r.iter().enumerate().map(|(k, r)| r * weight.map_or(1.0, |w| w[k])).collect()).collect();
     let norm = weight.map_or(angle.len() as f64, |w| w.iter().map(|x| x * x).sum::<f64>()) / 2.0;
     let turns: Vec<f64> = angle.iter().map(|a| a / std::f64::consts::TAU).collect();
-    let mut sweep = Sweep::new(&turns, ORDERS.0, step);
-    let mut all = Vec::with_capacity(count);
-    for _ in 0..count {
-        let largest = weighted.iter().map(|series| sweep.weighted(series)).fold(0.0, f64::max);
-        all.push(largest / norm.max(f64::MIN_POSITIVE));
-        sweep.advance();
-    }
-    all
+    let mut powers = Sweep::new(&turns, ORDERS.0, step).powers(&weighted, count);
+    powers.iter_mut().for_each(|power| *power /= norm.max(f64::MIN_POSITIVE));
+    powers
 }
 
 fn strongest(power: &[f64], step: f64, wheel: usize, kinematic: bool, looks: usize) -> Option<OrderLine> {

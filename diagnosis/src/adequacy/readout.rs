@@ -72,23 +72,17 @@ fn likeliest(comparison: &Comparison<'_>, output: usize) -> Option<(f64, usize)>
     let (low, high) = (1.0 / coarsest, 1.0 / finest);
     let count = ((4.0 * (high - low) * reach) as usize).clamp(16, MOST);
     let spacing = (high - low) / count as f64;
-    let mut sweep = Sweep::new(&motion, low, spacing);
-    let power: Vec<f64> = (0..count)
-        .map(|_| {
-            let power = sweep.weighted(&left);
-            sweep.advance();
-            power
-        })
-        .collect();
+    let left = [left];
+    let power = Sweep::new(&motion, low, spacing).powers(&left, count);
     let at = (0..count).max_by(|a, b| power[*a].total_cmp(&power[*b]))?;
     let frequency = low + at as f64 * spacing;
     if !stands_out(&power, at, ((NEIGHBOURHOOD * frequency / spacing) as usize).max(6)) {
         return None;
     }
     let near = (-FINER..=FINER).map(|i| frequency + f64::from(i) * spacing / f64::from(FINER));
-    let at = |f: f64| (Sweep::new(&motion, f, 0.0).weighted(&left), f);
+    let at = |f: f64| (Sweep::new(&motion, f, 0.0).weighted(&left[0]), f);
     let (power, frequency) = near.map(at).reduce(|a, b| if b.0 > a.0 { b } else { a })?;
-    let height = 2.0 * power.sqrt() / left.len() as f64 * PI * frequency;
+    let height = 2.0 * power.sqrt() / left[0].len() as f64 * PI * frequency;
     HEIGHT.contains(&height).then_some((1.0 / frequency, count))
 }
 

@@ -27,6 +27,16 @@ impl Sweep {
         s * s + c * c
     }
 
+    /// The same at so many frequencies, the largest of several weightings.
+    pub(super) fn powers(mut self, weightings: &[Vec<f64>], count: usize) -> Vec<f64> {
+        let mut all = Vec::with_capacity(count);
+        for _ in 0..count {
+            all.push(weightings.iter().map(|weights| self.weighted(weights)).fold(0.0, f64::max));
+            self.advance();
+        }
+        all
+    }
+
     /// On to the next frequency.
     pub(super) fn advance(&mut self) {
         for (p, t) in self.phase.iter_mut().zip(&self.turn) {

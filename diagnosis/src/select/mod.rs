@@ -288,10 +288,8 @@ impl<'a> Search<'a> {
         if squares(&plain.state.fit) > (1.0 - SHARE) * squares(&selected.state.fit) {
             return selected;
         }
-        let own = |selected: &Selected| {
-            let scale: f64 = selected.whitening.noise.innovation.iter().map(|s| 2.0 * setting.layout.counted() as f64 * s.ln()).sum();
-            selected.state.fit.likelihood(setting) - scale
-        };
+        let scale = |selected: &Selected| selected.whitening.noise.scale(setting.layout.counted());
+        let own = |selected: &Selected| selected.state.fit.likelihood(setting) - scale(selected);
         let Some(there) = self.renewed(plain, plain.state.effects.clone(), &plain.state.fit) else { return selected };
         let Some(here) = self.renewed(&selected, selected.state.effects.clone(), &selected.state.fit) else { return selected };
         if own(&there) > own(&here) + EXCHANGE { Selected { rivals: selected.rivals, ..there } } else { selected }

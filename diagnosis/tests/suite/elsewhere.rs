@@ -76,7 +76,7 @@ fn what_is_late_by_another_time_each_message_is_the_command() {
     let mut random = StdRng::seed_from_u64(81);
     let sent = commands(&mut random, rows, true);
     let mut fine = commands(&mut random, rows * finer, true);
-    fine.time = fine_times(rows * finer, step);
+    let times: Vec<f64> = (0..rows * finer).map(|k| step * k as f64).collect();
     for (fine, sent) in fine.inputs.iter_mut().zip(&sent.inputs) {
         // When the message in force came, and the next one comes.
         let (mut now, mut arrivals) = (sent[0], Vec::new());
@@ -86,13 +86,14 @@ fn what_is_late_by_another_time_each_message_is_the_command() {
             }
         }
         let mut next = arrivals.into_iter().peekable();
-        for (u, t) in fine.iter_mut().zip(&fine_times(rows * finer, step)) {
+        for (u, t) in fine.iter_mut().zip(&times) {
             while let Some((command, _)) = next.next_if(|(_, at)| at <= t) {
                 now = command;
             }
             *u = now;
         }
     }
+    fine.time = times;
     let moved = driven(0.0, TRACK, &mut random, fine, &[], 0.0);
     let mut data = record(81, rows, true, &[], 0.0);
     let sampled = |series: &Vec<f64>| series.iter().copied().step_by(finer).collect::<Vec<f64>>();
@@ -108,10 +109,6 @@ fn what_is_late_by_another_time_each_message_is_the_command() {
     assert_eq!((answer.verdict, names(&answer)), (Verdict::Explained, vec!["command_delay"]), "{} {:?}", answer.headline, answer.warnings);
     assert!(answer.location.tests.iter().any(|t| t.contains("comes late by a time of its own")), "{:?}", answer.location.tests);
     assert_eq!(answer.effects[0].alternatives.iter().map(|a| a.name.as_str()).collect::<Vec<_>>(), ["sensor_delay"]);
-}
-
-fn fine_times(count: usize, step: f64) -> Vec<f64> {
-    (0..count).map(|k| step * k as f64).collect()
 }
 
 /// Where turning is gentle nothing tells whether it is read as a mean too; held-out steps do.
