@@ -232,9 +232,14 @@ impl<'s, 'a> Projection<'s, 'a> {
         let roots: Vec<f64> = fit.weights(setting).iter().map(|w| w.sqrt()).collect();
         let mut made =
             Self { setting, whitening, fit, limits: setting.limits(parameters), roots, basis: Vec::new(), residual: fit.residual.clone() };
-        for column in &fit.columns {
+        let mut residual = fit.residual.clone();
+        made.weigh(&mut residual);
+        for (unknown, column) in fit.columns.iter().enumerate() {
             let mut column = column.clone();
             made.weigh(&mut column);
+            if made.held(unknown, dot(&column, &residual)) {
+                continue;
+            }
             let size = dot(&column, &column).sqrt();
             made.project(&mut column);
             made.project(&mut column);
@@ -244,11 +249,18 @@ impl<'s, 'a> Projection<'s, 'a> {
                 made.basis.push(column);
             }
         }
-        let mut residual = fit.residual.clone();
-        made.weigh(&mut residual);
         made.project(&mut residual);
         made.residual = residual;
         made
+    }
+
+    /// Whether an unknown is held at a bound beyond which the data would have it, with `push` the slope of the likelihood along it: what it would do
+    /// there the model cannot do.
+    fn held(&self, unknown: usize, push: f64) -> bool {
+        let Limits { g, .. } = &self.limits;
+        let alone = |row: usize| g.row(row).iter().enumerate().all(|(j, g)| (*g != 0.0) == (j == unknown));
+        let active = self.limits.active(&DVector::from_column_slice(&self.fit.point.x));
+        active.into_iter().any(|row| alone(row) && g[(row, unknown)] * push < 0.0)
     }
 
     fn weigh(&self, values: &mut [f64]) {
@@ -273,6 +285,11 @@ impl<'s, 'a> Projection<'s, 'a> {
         self.project(&mut column);
         let rest = dot(&column, &column);
         (rest.is_finite() && rest > OWN * OWN * size && rest > 0.0).then_some(column)
+    }
+
+    /// What a raw response with an amplitude of its own promises to gain.
+    pub(crate) fn promised(&self, raw: &[f64]) -> f64 {
+        self.own(raw).map_or(0.0, |own| dot(&own, &self.residual).powi(2) / dot(&own, &own))
     }
 
     /// Twice the log-likelihood of what amplitudes leave, against that of the model.
@@ -425,7 +442,32 @@ pub(crate) fn saturate(setting: &Setting<'_>, whitening: &Whitening, fit: &Fit, 
 
 #[cfg(test)]
 mod tests {
+    #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
+
     use super::*;
+    use crate::fit::search::linearise;
+    use crate::fixture::{Case, with_selected};
+
+    #[test]
+    fn what_an_unknown_would_do_beyond_its_bound_the_model_cannot_do() {
+        with_selected(&Case::clean(5), &[], 0, |search, selected| {
+            let mut setting = search.setting.clone();
+            let x = selected.base.point.x[0];
+            setting.bounds[0] = (0.0, x);
+            let mut fit = selected.base.clone();
+            let mut runner = Runner::new(&setting, &[], &fit.point).unwrap();
+            let raw = runner.column(&fit.point, 0, &fit.simulated);
+            linearise(&mut runner, &selected.whitening, &mut fit, 0..6);
+            // The data would have it beyond the bound, or back.
+            for (side, can) in [(1.0, false), (-1.0, true)] {
+                let mut pushed = fit.clone();
+                let column = fit.columns[0].clone();
+                add(&mut pushed.residual, side * x, &column);
+                let projection = Projection::new(&setting, &selected.whitening, &pushed, &[]);
+                assert_eq!(projection.own(&raw).is_none(), can, "{side}");
+            }
+        });
+    }
 
     #[test]
     fn a_limit_that_is_neutral_at_infinity_is_tried_at_its_starts() {
