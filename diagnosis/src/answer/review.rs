@@ -58,12 +58,26 @@ pub(super) fn review(question: &Question<'_>, story: &Story<'_>, findings: &[Fin
         jacobian: jacobian.collect(),
         half_track: setting.scene.frame.half_track(),
     };
-    let gain = selected.gained(setting, &state.fit);
+    // Reading means over the interval is a part of the explanation, and of what it gains.
+    let gain = match &story.means {
+        Some(_) => gained(setting, &selected.whitening.noise, &residuals),
+        None => selected.gained(setting, &state.fit),
+    };
     let times = findings.iter().flat_map(|f| &f.parameters).filter(|p| p.name == BEGINS).map(|p| p.value);
     let explained = adequacy::Explained { without: &without, since: times.min_by(f64::total_cmp), late: search.late(state), gain };
     let (flags, location) = adequacy::review(&residuals, setting.scene, &explained, question.seed)?;
     // The pattern of numerical error is nobody's physics.
     Ok((if numerical(setting, &selected.state.fit) { Vec::new() } else { flags }, location))
+}
+
+/// What the final model gains of twice the log-likelihood on the base model, however each is read: independent values count by what is left.
+fn gained(setting: &Setting<'_>, noise: &Noise, residuals: &Residuals<'_>) -> f64 {
+    let left = |run: &Series, c: usize| -> f64 {
+        let stretches = setting.data.stretches.iter().zip(run);
+        stretches.flat_map(|(s, run)| s.outputs[c].iter().zip(&run[c]).map(|(y, m)| (y - m).powi(2))).sum::<f64>().max(f64::MIN_POSITIVE)
+    };
+    let independent = |c: usize| (noise.innovation[c] / noise.deviation[c]).powi(2) * setting.layout.counted() as f64;
+    (0..setting.layout.outputs()).map(|c| independent(c) * (left(&residuals.base, c) / left(&residuals.last, c)).ln()).sum()
 }
 
 /// Whether no output leaves more than the numerical error of a free run.

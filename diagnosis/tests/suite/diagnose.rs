@@ -379,3 +379,18 @@ fn speeds_that_are_means_are_told_as_an_encoders() {
         assert_eq!(instead, delays, "{}", diagnosis.headline);
     }
 }
+
+/// Reading means is a part of what is explained: a second in which something else happens is a small share of it.
+#[test]
+fn a_loud_second_is_not_all_that_there_is_beside_means() {
+    let mut training = averaged(99, 1600, &[]);
+    for (k, y) in training.stretches[0].outputs[0][800..820].iter_mut().enumerate() {
+        *y += [4.0, -4.0][k % 2] * NOISE;
+    }
+    let (model, library): (_, Vec<Box<dyn Effect>>) = (model(), vec![Box::new(EncoderQuantisation::default())]);
+    let mut question = Question::new(&*model, &training, &library);
+    question.track_width = Some(TRACK);
+    let diagnosis = diagnose(&question).unwrap();
+    assert!(diagnosis.location.tests.iter().any(|t| t.contains("more is left than at other times")), "{:?}", diagnosis.location.tests);
+    assert_eq!((diagnosis.verdict, names(&diagnosis)), (Verdict::Explained, vec!["encoder_quantisation"]), "{}", diagnosis.headline);
+}
