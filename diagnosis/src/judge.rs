@@ -237,10 +237,11 @@ impl<'q> Bench<'q> {
     }
 
     /// The selection without each of its members, and the loss on the held-out data that this leaves; least first. One that stands alone has
-    /// no others to stand in for: that it does not transfer is the verdict's business.
+    /// no others to stand in for, unless stamps jitter, which makes evidence for whatever acts while the robot accelerates: that it does not transfer is
+    /// the verdict's business.
     fn rests(&self, search: &Search<'_>, selected: &Selected) -> Vec<(f64, State)> {
         let members = search.fixed(selected)..selected.state.effects.len();
-        if selected.state.effects.len() < 2 {
+        if members.is_empty() || selected.state.effects.len() + usize::from(self.jitter.is_some()) < 2 {
             return Vec::new();
         }
         let rests = members.filter_map(|member| search.without(selected, member)).map(|rest| (self.loss(search, &rest), rest));
@@ -264,5 +265,35 @@ impl<'q> Bench<'q> {
     pub(crate) fn decisive(&self, less: f64, more: f64) -> bool {
         let excess = |loss: f64| (loss - self.floor).max(0.0);
         self.values * (more / less).ln() > MENTIONED && excess(less) <= CLOSED * excess(more)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
+
+    use wheelwright_core::ModelConfig;
+    use wheelwright_core::effect::Effect;
+    use wheelwright_models::VwPdConfig;
+
+    use super::*;
+    use crate::effects::CoulombFriction;
+    use crate::fixture::{Case, NOISE, normal, with_selected};
+
+    #[test]
+    fn one_that_stands_alone_may_go_where_stamps_jitter() {
+        let library: Vec<Box<dyn Effect>> = vec![Box::new(CoulombFriction::default())];
+        for deviation in [0.0, 0.03] {
+            let case =
+                |seed: u64| Case::new(seed, |_, i, y, slope, random| y + NOISE[i] * normal(random) + deviation * slope * normal(random));
+            let (training, held) = (case(3), case(4));
+            with_selected(&training, &library, 1, |search, selected| {
+                let model = VwPdConfig::default().build().unwrap();
+                let question = Question { held_out: Some(&held.data), ..Question::new(&*model, &training.data, &library) };
+                let bench = Bench::new(&question, search, &selected).unwrap();
+                assert_eq!(bench.jitter.is_some(), deviation > 0.0);
+                assert_eq!(bench.rests(search, &selected).len(), usize::from(deviation > 0.0));
+            });
+        }
     }
 }
