@@ -99,7 +99,9 @@ pub fn diagnose(question: &Question<'_>) -> Result<Diagnosis, DiagnosisError> {
     let asked_for = |elsewhere: &Elsewhere<'_, '_>| if tuned { None } else { elsewhere.asked_for() };
     let asked = gauge::retold(question, &mut story, headings.as_deref(), &fitting[3], asked_for);
     warnings.extend(unknown_wheels(question, shown, asked));
-    warnings.extend(another_track(question, likelier, asked));
+    let round = story.search.goes_round(&story.selected.state);
+    let given = if told.is_some() { "that which the wheels' rates tell" } else { "the profile's" };
+    warnings.extend(another_track(question, likelier, asked, round, given));
     story.selected = story.search.modest(story.selected);
     story.selected = judged(question, &story.search, story.selected, &story.responses);
     let (selected, mut rests) = story.search.settled(story.selected);
@@ -159,16 +161,15 @@ fn unknown_wheels(question: &Question<'_>, shown: Option<Wheels>, asked: Option<
     all
 }
 
-/// What is said where what goes round with the wheels shows another track than the profile's, or only keeps its phase on held-out data at another.
-fn another_track(question: &Question<'_>, likelier: Option<f64>, asked: Option<f64>) -> Option<String> {
-    let (given, other) = question.track_width.zip(asked.or(likelier))?;
-    let off = digits(100.0 * (other / given - 1.0).abs());
-    let wider = if other > given { "wider" } else { "narrower" };
+/// What is said where what acts at the wheels shows another track than the one that was `given`, or what goes `round` with them only keeps its phase on
+/// held-out data at another.
+fn another_track(question: &Question<'_>, likelier: Option<f64>, asked: Option<f64>, round: bool, given: &str) -> Option<String> {
+    let (width, other) = question.track_width.zip(asked.or(likelier))?;
+    let off = digits(100.0 * (other / width - 1.0).abs());
+    let wider = if other > width { "wider" } else { "narrower" };
+    let fits = if round { "what goes round with the wheels keeps its phase" } else { "what acts at the wheels is explained best" };
     let held_out = if asked.is_some() { " on the held-out data too" } else { "" };
-    Some(format!(
-        "what goes round with the wheels keeps its phase{held_out} if the track is {} m, {off} % {wider} than the profile's, which is taken; measure it again",
-        digits(other)
-    ))
+    Some(format!("{fits}{held_out} if the track is {} m, {off} % {wider} than {given}, which is taken; measure it again", digits(other)))
 }
 
 /// Odometry that differences counts records means over the interval, which looks like a delay of half a sample, or hides in the model's own

@@ -5,6 +5,9 @@
 //! that is 1 % off turns a wheel by some radians too much or too little. So it is walked from width to width, each so near to the last that no wheel
 //! turns by more than a part of a radian, as long as that makes what was found likelier.
 //!
+//! A threshold at a wheel knows it as well: where a command stays near, a track that is 1 % off decides whether the wheel moves. So wherever a nudge of
+//! a profile's track promises anything decisive, it is walked as far as a person who measured it may be off.
+//!
 //! A limit that the training data hardly reach, or a friction that no turn has shown, fits at many widths, each with another size of its own, and
 //! fails on other driving at all but one. So where an explanation misses held-out data decisively it is fitted again at the widths of a grid, and
 //! between the neighbours of the best; what a width costs on the training data counts as it does for any other parameter (`leeway.rs`).
@@ -29,6 +32,8 @@ use crate::track::{HALF_OCTAVES, highest};
 const OFF: f64 = 0.04;
 /// Angle \[rad\] by which a wheel stands elsewhere, at the ends of what was turned, from one width to the next.
 const NEXT: f64 = 0.5;
+/// Logarithm of a width by which it is nudged, to see what that promises: little against what a person measures it to.
+const NUDGE: f64 = 0.003;
 /// Fewest and most widths to either side.
 const STEPS: (f64, f64) = (2.0, 16.0);
 
@@ -66,26 +71,24 @@ pub(crate) struct Elsewhere<'s, 'a> {
 }
 
 impl<'s, 'a> Elsewhere<'s, 'a> {
-    /// Where something was found that the track may matter to, and the search is not at its limit, or something goes round: that is out of step on other
-    /// data as long as the track is off.
+    /// Where something was found that the track may matter to.
     fn open(question: &'s Question<'a>, search: &'s Search<'a>, selected: &'s Selected, headings: Option<&'s [Vec<f64>]>) -> Option<Self> {
         let Frame::Body { .. } = search.setting.scene.frame else { return None };
         let found = selected.state.effects.len() > search.fixed(selected);
-        let elsewhere = Self { question, search, selected, headings };
-        (found && (!search.setting.exhausted() || elsewhere.round())).then_some(elsewhere)
+        found.then_some(Self { question, search, selected, headings })
     }
 
-    /// The likeliest width near the one that it is told at, if there is a likelier one. That of a profile is near enough for all but what goes round
-    /// with the wheels.
+    /// The likeliest width near the one that it is told at, if there is a likelier one. That of a profile is near enough, unless something goes round
+    /// with the wheels, or another is decisively likelier.
     pub(crate) fn likelier(&self) -> Option<Place> {
-        let given = self.question.track_width.is_some();
-        if given && !self.round() {
+        let measured = self.question.track_width.is_some() && !self.round();
+        if measured && self.promised() < DECISIVE {
             return None;
         }
         let (step, steps) = self.steps();
         // Wheels are followed anew at every width, at the one that it is told at too.
         let here = self.place(self.now(), &self.selected.state.fit.point)?;
-        let least = here.likelihood + EXCHANGE;
+        let least = here.likelihood + if measured { DECISIVE } else { EXCHANGE };
         let walked = [-step, step].map(|step| self.walked(&here, step, steps));
         let best = walked.into_iter().flatten().reduce(|a, b| if b.likelihood > a.likelihood { b } else { a });
         let mut best = best.unwrap_or(here);
@@ -119,9 +122,23 @@ impl<'s, 'a> Elsewhere<'s, 'a> {
         best
     }
 
+    /// What another track promises of twice the log-likelihood, by what a nudge of it changes that nothing else of the selection can do.
+    fn promised(&self) -> f64 {
+        let Selected { state, whitening, .. } = self.selected;
+        let run = |search: &Search<'_>| {
+            let mut run = vec![0.0; state.fit.simulated.len()];
+            let mut runner = search.runner(&state.effects, &state.fit.point)?;
+            runner.run(&state.fit.point.x, &state.fit.point.starts, &mut run).then_some(run)
+        };
+        let scene = self.scene((self.now() + NUDGE).exp());
+        let Some((here, there)) = run(self.search).zip(run(&self.search(&scene))) else { return 0.0 };
+        let nudged: Vec<f64> = there.iter().zip(&here).map(|(there, here)| there - here).collect();
+        self.search.projection(state, whitening).promised(&nudged)
+    }
+
     /// Whether something was found that goes round with the wheels.
     fn round(&self) -> bool {
-        self.selected.state.effects.iter().any(|member| self.search.turns(*member))
+        self.search.goes_round(&self.selected.state)
     }
 
     /// Difference of the logarithms of two widths at which no wheel stands much elsewhere.
@@ -150,17 +167,13 @@ impl<'s, 'a> Elsewhere<'s, 'a> {
         (within / steps, steps as usize)
     }
 
-    /// The width that the held-out data decisively ask for, if there is such. One of a profile is near enough for all but what goes round, of which the
-    /// training data may leave open whether the track is off or the radii.
+    /// The width that the held-out data decisively ask for, if there is such, near a profile's if there is one: the training data may leave open whether the
+    /// track is off or the size of what was found.
     pub(crate) fn asked_for(&self) -> Option<Place> {
         let Self { question, search, selected, .. } = *self;
-        let given = question.track_width.is_some();
-        if given && !self.round() {
-            return None;
-        }
         let bench = Bench::new(question, search, selected).filter(|bench| bench.missed(search, selected).is_some())?;
         let loss = |log: f64| self.loss(&bench, log.exp()).unwrap_or(f64::INFINITY);
-        let (step, apart): (f64, Vec<i32>) = if given {
+        let (step, apart): (f64, Vec<i32>) = if question.track_width.is_some() {
             let (step, steps) = self.steps();
             (step, (-(steps as i32)..=steps as i32).collect())
         } else {

@@ -31,6 +31,11 @@ impl<'a> Search<'a> {
         start.is_some_and(|start| effect.turned(&start.values, 0, 0.0).is_some())
     }
 
+    /// Whether a member goes round with something.
+    pub(crate) fn goes_round(&self, state: &State) -> bool {
+        state.effects.iter().any(|member| self.turns(*member))
+    }
+
     /// The effects that go round with something.
     pub(crate) fn turning(&self) -> Vec<usize> {
         self.open.iter().copied().filter(|i| self.turns(*i)).collect()

@@ -5,7 +5,7 @@ use rand::{Rng, SeedableRng};
 use wheelwright_core::ModelConfig;
 use wheelwright_core::effect::Effect;
 use wheelwright_diagnosis::effects::{
-    ActuatorLag, Axis, CastorDrag, CastorKind, CommandDelay, EncoderQuantisation, SensorDelay, SlewLimit, VelocitySaturation,
+    ActuatorLag, Axis, CastorDrag, CastorKind, CommandDelay, DeadZone, EncoderQuantisation, SensorDelay, SlewLimit, VelocitySaturation,
 };
 use wheelwright_diagnosis::{Question, Verdict, diagnose};
 use wheelwright_models::VwPdConfig;
@@ -52,6 +52,31 @@ fn a_track_that_only_held_out_driving_shows_is_taken_from_it() {
     let said = answer.warnings.iter().find(|w| w.contains("holds on the held-out data")).unwrap();
     let width: f64 = said.split(" m, which").next().unwrap().rsplit(' ').next().unwrap().parse().unwrap();
     assert!((width / 0.9 - 1.0).abs() < 0.06, "{said}");
+}
+
+/// When a wheel's command crosses a threshold depends on the track: nearer than a person measures it.
+#[test]
+fn a_threshold_at_the_wheels_tells_that_a_profile_is_off() {
+    let (model, hidden) = (model(), DeadZone::default());
+    let recorded = |seed: u64| {
+        let mut random = StdRng::seed_from_u64(seed);
+        let mut stretch = commands(&mut random, 1600, true);
+        let waves = |size: f64, rate: f64| stretch.time.iter().map(|t| size * (rate * t + seed as f64).sin()).collect();
+        stretch.inputs = vec![waves(0.3, 0.5), waves(1.2, 0.37)];
+        driven(NOISE, TRACK, &mut random, stretch, &[(&hidden, &[0.12])], 0.0)
+    };
+    let (data, held) = (recorded(33), recorded(34));
+    let library: Vec<Box<dyn Effect>> = vec![Box::new(DeadZone::default())];
+    for factor in [0.98, 1.0, 1.02] {
+        let mut question = Question::new(&*model, &data, &library);
+        (question.held_out, question.track_width) = (Some(&held), Some(factor * TRACK));
+        let answer = diagnose(&question).unwrap();
+        assert_eq!((answer.verdict, names(&answer)), (Verdict::Explained, vec!["dead_zone"]), "{factor}: {}", answer.headline);
+        let width = 2.0 * answer.scene.frame.half_track();
+        assert!((width / TRACK - 1.0).abs() < 0.005, "{factor}: {width}");
+        let said = answer.warnings.iter().any(|w| w.contains("what acts at the wheels is explained best if the track is"));
+        assert_eq!(said, factor != 1.0, "{factor}: {:?}", answer.warnings);
+    }
 }
 
 /// Speeds in whole counts of the wheels are differences of counts: late by half a sample for that, and not by a delay, whatever hides beside it.
