@@ -52,6 +52,9 @@ pub struct KeyCase {
     /// Twice the log-likelihood ratio of the true model over the best without the effect; of several effects the smallest counts.
     #[serde(default)]
     pub detectability: Option<Detectability>,
+    /// The same of each effect of several, with the others kept.
+    #[serde(default)]
+    pub detectability_each: Option<Vec<Option<f64>>>,
     /// When it acts \[s\].
     #[serde(default)]
     pub times: Option<Vec<(f64, f64)>>,
@@ -61,6 +64,14 @@ pub struct KeyCase {
     /// The most that any model could reach on `validate.csv`, per output.
     #[serde(default)]
     pub noise_ceiling: Option<BTreeMap<String, f64>>,
+}
+
+impl KeyCase {
+    /// Detectability of what is hardest to see.
+    pub fn hardest(&self) -> Option<f64> {
+        let each = self.detectability_each.as_ref().and_then(|each| each.iter().flatten().copied().reduce(f64::min));
+        each.or_else(|| self.detectability.as_ref().and_then(Detectability::smallest))
+    }
 }
 
 /// What kind of case it is.

@@ -121,7 +121,7 @@ impl<'a> Score<'a> {
             ("noise", text(|c| &c.noise)),
             ("robot", text(|c| &c.robot)),
             ("strength", bands(&[0.2, 0.4, 0.6, 0.8], &|c| c.strength)),
-            ("detectability", bands(&[10.0, 30.0, 100.0, 1000.0], &|c| c.detectability.as_ref().and_then(|d| d.smallest()))),
+            ("detectability", bands(&[10.0, 30.0, 100.0, 1000.0], &KeyCase::hardest)),
             ("rate_hz", bands(&[15.0, 25.0, 50.0], &|c| c.rate_hz)),
             ("effect", effects.iter().map(|e| self.summary(e, &|j| j.class.nameable() && j.truth == *e)).collect()),
         ];
@@ -171,7 +171,7 @@ impl<'a> Score<'a> {
                 "case": j.case.case, "class": j.class, "truth": j.truth, "said": j.said, "verdict": j.verdict, "outcome": j.outcome,
                 "in_set": j.in_set, "gap_closed": j.gap_closed, "times_f1": j.times.and_then(Counts::f1),
                 "regions_f1": j.regions.and_then(Counts::f1), "payload_time_error_s": j.time_error,
-                "detectability": j.case.detectability.as_ref().and_then(|d| d.smallest()), "strength": j.case.strength,
+                "detectability": j.case.hardest(), "strength": j.case.strength,
                 "excitation": j.case.excitation, "noise": j.case.noise,
             })
         };
@@ -240,7 +240,7 @@ mod tests {
         serde_json::from_value(json!({ "schema": "wheelwright.key/1", "cases": [
             case("a", "single", &["command_delay"], json!({ "excitation": "rich", "strength": 0.3, "detectability": 50.0 })),
             case("b", "single", &["command_delay"], json!({ "excitation": "thesis", "strength": 0.7, "detectability": [500.0, null] })),
-            case("c", "pair", &["command_delay", "dead_zone"], json!({ "excitation": "rich" })),
+            case("c", "pair", &["command_delay", "dead_zone"], json!({ "excitation": "rich", "detectability": 3000.0, "detectability_each": [2000.0, 40.0] })),
             case("d", "none", &[], json!({ "noise": "white" })),
             case("e", "outside", &[], json!({ "outside": "a push" })),
         ]}))
@@ -279,6 +279,7 @@ mod tests {
         assert_eq!(rate("by.excitation.thesis.exact"), (0, 1));
         assert_eq!(document["by"]["strength"]["0.2 to 0.4"]["exact"]["hits"], 1);
         assert_eq!(document["by"]["detectability"]["100 to 1000"]["exact"]["hits"], 0);
+        assert_eq!(document["by"]["detectability"]["30 to 100"]["cases"], 2, "a pair by what of it is hardest to see");
         assert_eq!(document["by"]["effect"]["command_delay + dead_zone"]["cases"], 1);
         assert_eq!(document["confusion"]["outside"]["no answer"], 1);
         assert_eq!(document["strays"], json!(["z"]));
