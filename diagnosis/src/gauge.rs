@@ -125,11 +125,7 @@ impl<'s, 'a> Elsewhere<'s, 'a> {
     /// What another track promises of twice the log-likelihood, by what a nudge of it changes that nothing else of the selection can do.
     fn promised(&self) -> f64 {
         let Selected { state, whitening, .. } = self.selected;
-        let run = |search: &Search<'_>| {
-            let mut run = vec![0.0; state.fit.simulated.len()];
-            let mut runner = search.runner(&state.effects, &state.fit.point)?;
-            runner.run(&state.fit.point.x, &state.fit.point.starts, &mut run).then_some(run)
-        };
+        let run = |search: &Search<'_>| search.run_of(&state.effects, &state.fit.point);
         let scene = self.scene((self.now() + NUDGE).exp());
         let Some((here, there)) = run(self.search).zip(run(&self.search(&scene))) else { return 0.0 };
         let nudged: Vec<f64> = there.iter().zip(&here).map(|(there, here)| there - here).collect();

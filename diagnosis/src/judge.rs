@@ -241,7 +241,7 @@ impl<'q> Bench<'q> {
     /// the verdict's business.
     fn rests(&self, search: &Search<'_>, selected: &Selected) -> Vec<(f64, State)> {
         let members = search.fixed(selected)..selected.state.effects.len();
-        if members.is_empty() || selected.state.effects.len() + usize::from(self.jitter.is_some()) < 2 {
+        if selected.state.effects.len() + usize::from(self.jitter.is_some()) < 2 {
             return Vec::new();
         }
         let rests = members.filter_map(|member| search.without(selected, member)).map(|rest| (self.loss(search, &rest), rest));

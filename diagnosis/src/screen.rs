@@ -230,14 +230,15 @@ impl<'s, 'a> Projection<'s, 'a> {
     /// `parameters` are those of the effects that the model has already.
     pub(crate) fn new(setting: &'s Setting<'a>, whitening: &'s Whitening, fit: &'s Fit, parameters: &[EffectParameter]) -> Self {
         let roots: Vec<f64> = fit.weights(setting).iter().map(|w| w.sqrt()).collect();
-        let mut made =
-            Self { setting, whitening, fit, limits: setting.limits(parameters), roots, basis: Vec::new(), residual: fit.residual.clone() };
+        let mut made = Self { setting, whitening, fit, limits: setting.limits(parameters), roots, basis: Vec::new(), residual: Vec::new() };
         let mut residual = fit.residual.clone();
         made.weigh(&mut residual);
+        let stopped = made.stopped();
         for (unknown, column) in fit.columns.iter().enumerate() {
             let mut column = column.clone();
             made.weigh(&mut column);
-            if made.held(unknown, dot(&column, &residual)) {
+            // What it would do beyond its bound, where the data would have it, the model cannot do.
+            if stopped.iter().any(|(j, on)| *j == unknown && on * dot(&column, &residual) < 0.0) {
                 continue;
             }
             let size = dot(&column, &column).sqrt();
@@ -254,13 +255,14 @@ impl<'s, 'a> Projection<'s, 'a> {
         made
     }
 
-    /// Whether an unknown is held at a bound beyond which the data would have it, with `push` the slope of the likelihood along it: what it would do
-    /// there the model cannot do.
-    fn held(&self, unknown: usize, push: f64) -> bool {
+    /// Unknowns that stand at a bound of their own, each with the direction in which it may still go.
+    fn stopped(&self) -> Vec<(usize, f64)> {
         let Limits { g, .. } = &self.limits;
-        let alone = |row: usize| g.row(row).iter().enumerate().all(|(j, g)| (*g != 0.0) == (j == unknown));
-        let active = self.limits.active(&DVector::from_column_slice(&self.fit.point.x));
-        active.into_iter().any(|row| alone(row) && g[(row, unknown)] * push < 0.0)
+        let own = |row: usize| {
+            let mut bounded = (0..g.ncols()).map(|j| (j, g[(row, j)])).filter(|(_, on)| *on != 0.0);
+            bounded.next().filter(|_| bounded.next().is_none())
+        };
+        self.limits.active(&DVector::from_column_slice(&self.fit.point.x)).into_iter().filter_map(own).collect()
     }
 
     fn weigh(&self, values: &mut [f64]) {

@@ -69,7 +69,7 @@ pub struct KeyCase {
 impl KeyCase {
     /// Detectability of what is hardest to see.
     pub fn hardest(&self) -> Option<f64> {
-        let each = self.detectability_each.as_ref().and_then(|each| each.iter().flatten().copied().reduce(f64::min));
+        let each = self.detectability_each.as_deref().and_then(smallest);
         each.or_else(|| self.detectability.as_ref().and_then(Detectability::smallest))
     }
 }
@@ -115,9 +115,14 @@ impl Detectability {
     pub fn smallest(&self) -> Option<f64> {
         match self {
             Self::One(value) => Some(*value),
-            Self::Each(values) => values.iter().flatten().copied().reduce(f64::min),
+            Self::Each(values) => smallest(values),
         }
     }
+}
+
+/// The smallest of the indices that there are.
+fn smallest(indices: &[Option<f64>]) -> Option<f64> {
+    indices.iter().flatten().copied().reduce(f64::min)
 }
 
 /// A range of a quantity; an end that is absent is open.

@@ -13,14 +13,16 @@ use crate::noise::Noise;
 impl<'a> Search<'a> {
     /// Noise as a fit leaves it.
     pub(crate) fn noise_of(&self, indices: &[usize], fit: &Fit, whitening: &Whitening) -> Option<Noise> {
-        let mut runner = self.runner(indices, &fit.point)?;
-        let mut residual = vec![0.0; self.setting.layout.len()];
-        if !runner.run(&fit.point.x, &fit.point.starts, &mut residual) {
-            return None;
-        }
+        let mut residual = self.run_of(indices, &fit.point)?;
         residual.iter_mut().zip(&self.setting.measured).for_each(|(r, y)| *r = y - *r);
         let taken = fit.rank(&self.setting) as f64 + whitening.taken();
         Some(Noise::estimate(&residual, &self.setting.layout, taken, &self.setting.floor))
+    }
+
+    /// The free run of a model at a point, flat; `None` where it cannot be simulated.
+    pub(crate) fn run_of(&self, indices: &[usize], point: &Point) -> Option<Vec<f64>> {
+        let mut run = vec![0.0; self.setting.layout.len()];
+        self.runner(indices, point)?.run(&point.x, &point.starts, &mut run).then_some(run)
     }
 
     /// The fit from a point under a noise model.
