@@ -69,7 +69,7 @@ pub(crate) fn decide(weighed: Weighed<'_>) -> Decided {
     if elsewhere {
         warnings.push(if moved { UNTRANSFERRED } else { FOREIGN }.to_owned());
     }
-    if moved && transfer == Transfer::Open {
+    if transfer == Transfer::Open {
         let of_another_part =
             |statement| format!("held-out driving shows more of the same cause, where the training data never reach: {statement}");
         warnings.push(unseen.map_or_else(|| OPEN.to_owned(), of_another_part));

@@ -18,8 +18,8 @@ use wheelwright_core::effect::Scene;
 
 use crate::adequacy::Jitter;
 use crate::answer::{MENTIONED, always, clocks, mentioned, proven};
-use crate::holdout::{BorneOut, Runs, loss, mean, shifted};
-use crate::leeway::{Leeway, Moved};
+use crate::holdout::{Runs, loss, mean, shifted};
+use crate::leeway::{Leeway, Moved, refuted};
 use crate::noise::Noise;
 use crate::question::Question;
 use crate::residuals::Series;
@@ -226,13 +226,13 @@ impl<'q> Bench<'q> {
         let with = |(data, scene)| (proven(search, &selected.state, &data, &scene).simulated, data, scene);
         let clocks: Vec<(Series, Dataset, Scene)> = self.clocks(search).map(with).collect();
         // Whether they know nothing, on whatever clock, of what the selection has beyond a rest.
-        let refuted = |rest: &State| {
-            let gain = search.gain(&selected.state.fit, rest);
+        let unknown = |rest: &State| {
             clocks.iter().all(|(with, data, scene)| {
-                BorneOut::new(&self.noise, data, with, &proven(search, rest, data, scene).simulated, gain).refuted()
+                let without = proven(search, rest, data, scene).simulated;
+                refuted(search, (&selected.state, with), (rest, &without), &self.noise, (data, scene))
             })
         };
-        let (_, rest) = rests.iter().find(|(_, rest)| refuted(rest))?;
+        let (_, rest) = rests.iter().find(|(_, rest)| unknown(rest))?;
         search.only(selected, rest)
     }
 

@@ -17,6 +17,7 @@ use crate::fit::algebra::{factor, gram};
 use crate::fit::layout::Layout;
 use crate::fit::search::parts;
 use crate::fit::setting::{Runner, Setting};
+use crate::holdout::BorneOut;
 use crate::noise::{HUBER, Noise};
 use crate::residuals::Series;
 use crate::select::{Search, State};
@@ -30,6 +31,8 @@ const LAST: f64 = 1.0;
 pub(crate) struct Moved {
     /// Free run over the other data.
     pub(crate) simulated: Series,
+    /// The same with the parameters as the training data told them.
+    told: Series,
     /// Its parameters there.
     pub(crate) x: Vec<f64>,
     /// What the move costs on the training data, in twice the log-likelihood.
@@ -66,10 +69,12 @@ impl<'s, 'a> Leeway<'s, 'a> {
         let mut point = setting.point(state.fit.point.x.clone());
         let mut runner = Runner::new(&setting, &effects, &point).ok()?;
         let mut run = vec![0.0; setting.layout.len()];
+        let mut told = None;
         for _ in 0..STEPS {
             if !runner.run(&point.x, &point.starts, &mut run) {
                 return None;
             }
+            told.get_or_insert_with(|| setting.layout.series(&run));
             let (error, weights) = weighed(&setting, &run, noise);
             let mut columns: Vec<Vec<f64>> = (0..point.x.len()).map(|j| runner.column(&point, j, &run)).collect();
             columns.push(error);
@@ -91,8 +96,32 @@ impl<'s, 'a> Leeway<'s, 'a> {
             point.x = (first + far).as_slice().to_vec();
         }
         let whole = runner.run(&point.x, &point.starts, &mut run);
-        whole.then(|| Moved { simulated: setting.layout.series(&run), x: point.x, cost })
+        told.filter(|_| whole).map(|told| Moved { simulated: setting.layout.series(&run), told, x: point.x, cost })
     }
+
+    /// Other data without what their own parameters would change there.
+    fn eased(&self, data: &Dataset, scene: &Scene) -> Option<Dataset> {
+        let Moved { simulated, told, .. } = self.moved(data, scene)?;
+        let mut eased = data.clone();
+        for ((stretch, moved), told) in eased.stretches.iter_mut().zip(&simulated).zip(&told) {
+            let values = stretch.outputs.iter_mut().flatten();
+            values.zip(moved.iter().flatten().zip(told.iter().flatten())).for_each(|(y, (moved, told))| *y -= moved - told);
+        }
+        Some(eased)
+    }
+}
+
+/// Whether other data refute what an explanation has beyond a rest of it, given the free runs of both: as they were fitted, and with leeway.
+pub(crate) fn refuted(
+    search: &Search<'_>,
+    (state, with): (&State, &Series),
+    (rest, without): (&State, &Series),
+    noise: &Noise,
+    (data, scene): (&Dataset, &Scene),
+) -> bool {
+    let gain = search.gain(&state.fit, rest);
+    let by = |data: &Dataset| BorneOut::new(noise, data, with, without, gain).refuted();
+    by(data) && Leeway::new(search, state, noise).eased(data, scene).is_none_or(|eased| by(&eased))
 }
 
 /// Errors of a run, model minus measured, what is far out drawn in; and each output's weight: independent values count by what is left.

@@ -6,13 +6,13 @@ use wheelwright_core::effect::Scene;
 
 use crate::finding::{Fits, Replay, Rung};
 use crate::fit::setting::Setting;
-use crate::holdout::{BorneOut, Explanation, Ground, Loss, Proof, Runs, Transfer, foreign, losses, shifted, transfer};
-use crate::leeway::Leeway;
+use crate::holdout::{Explanation, Ground, Loss, Proof, Runs, Transfer, foreign, losses, shifted, transfer};
+use crate::leeway::{Leeway, refuted};
 use crate::question::Question;
 use crate::select::{SHARE, Search, State};
 
 use super::unseen::unseen;
-use super::{COUNTED, Story};
+use super::{COUNTED, MENTIONED, Story};
 
 /// Chance with which the true parameters cost more on the training data, in twice the log-likelihood, than they may to be where held-out data have them.
 const UNLUCKY: f64 = 1e-3;
@@ -88,21 +88,23 @@ impl Proven {
         let runs = Runs { training: (question.training, &trained.simulated), held_out: (&shifted, &after.simulated), noise, jitter };
         let floor = runs.floor();
         let withouts: Vec<Option<(&State, Proof)>> = rests.iter().map(|r| r.as_ref().map(|r| (r, on(&shifted, &scene, r)))).collect();
-        let refuted = |(rest, without): &(&State, Proof)| {
-            let gain = search.gain(&selected.state.fit, rest);
-            BorneOut::new(&selected.whitening.noise, &shifted, &after.simulated, &without.simulated, gain).refuted()
+        let unknown = |(rest, without): &(&State, Proof)| {
+            let with = (&selected.state, &after.simulated);
+            refuted(search, with, (*rest, &without.simulated), &selected.whitening.noise, (&shifted, &scene))
         };
         let holds = |after: &[Loss]| transfer(&left[0], after, &floor) == Transfer::Holds;
+        // What the leeway costs with which a state holds.
         let with_leeway = |state: &State| {
             // What parameters cost at their true values, and what the imperfect form of a law makes of them.
             let most = affordable(selected.state.fit.rank(setting)) + SHARE * selected.gained(setting, &selected.state.fit);
-            let there = Leeway::new(search, state, &selected.whitening.noise).moved_within(most, &shifted, &scene);
-            there.is_some_and(|there| holds(&losses(&shifted, &there.simulated, noise, jitter)))
+            let there = Leeway::new(search, state, &selected.whitening.noise).moved_within(most, &shifted, &scene)?;
+            holds(&losses(&shifted, &there.simulated, noise, jitter)).then_some(there.cost)
         };
-        // Leeway that saves the base model as well speaks for nothing that was added to it.
-        let saved = || with_leeway(&selected.state) && !with_leeway(&selected.plain());
+        // Leeway that saves the base model as well speaks for nothing that was added to it, unless that has to go decisively farther.
+        let plain = || if selected.state.effects.is_empty() { None } else { with_leeway(&selected.plain()) };
+        let saved = || with_leeway(&selected.state).is_some_and(|cost| plain().is_none_or(|farther| farther > cost + MENTIONED));
         made.transfer = match transfer(&left[0], &left[1], &floor) {
-            _ if withouts.iter().flatten().any(refuted) => Transfer::Fails,
+            _ if withouts.iter().flatten().any(unknown) => Transfer::Fails,
             Transfer::Fails if saved() => Transfer::Open,
             Transfer::Fails => {
                 let there = unseen(search, selected, &shifted, &scene, |run| losses(&shifted, run, noise, jitter));
@@ -111,7 +113,7 @@ impl Proven {
             }
             as_fitted => as_fitted,
         };
-        made.foreign = foreign(&left[1], &floor);
+        made.foreign = made.transfer != Transfer::Open && foreign(&left[1], &floor);
         made.waterfall = waterfall(story, &before, &after, &|state| on(&shifted, &scene, state).fit);
         let gained = |(_, without): &(&State, Proof)| {
             let gains: Vec<f64> = after.fit.iter().zip(&without.fit).map(|(a, b)| a - b).filter(|g| g.is_finite()).collect();

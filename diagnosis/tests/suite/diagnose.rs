@@ -1,6 +1,8 @@
 //! The whole search on recordings whose truth is known: what is hidden is named with its size, nothing is named where nothing is
 //! hidden, and what cannot be told apart is said to be so.
 
+use rand::SeedableRng;
+use rand::rngs::StdRng;
 use wheelwright_core::Dataset;
 use wheelwright_core::effect::Effect;
 use wheelwright_diagnosis::effects::{
@@ -10,7 +12,9 @@ use wheelwright_diagnosis::effects::{
 use wheelwright_diagnosis::{Diagnosis, DiagnosisError, Question, Verdict, diagnose};
 
 use crate::drive::{Drive, blur};
-use crate::recorded::{Hidden, NOISE, THETA, TRACK, add_noise, ask, averaged, library, model, names, record, record_on, record_with};
+use crate::recorded::{
+    Hidden, NOISE, THETA, TRACK, add_noise, ask, averaged, commands, driven, library, model, names, record, record_on, record_with,
+};
 
 #[test]
 fn nothing_is_named_where_nothing_is_hidden_white_or_coloured() {
@@ -106,6 +110,43 @@ fn a_member_of_which_held_out_data_know_nothing_goes() {
         let diagnosis = ask(&training, Some(&record_with(1.4 * NOISE, TRACK, 34, 800, true, held, 0.0)));
         let told = |name: &str| diagnosis.effects.iter().chain(&diagnosis.partial).any(|e| e.name == name);
         assert!(told("command_delay") && told("command_offset") == there, "{}", diagnosis.headline);
+    }
+}
+
+/// A recording of a robot whose turning commands are so many times the usual ones.
+fn turning(seed: u64, times: f64, hidden: &Hidden<'_>) -> Dataset {
+    let mut random = StdRng::seed_from_u64(seed);
+    let mut stretch = commands(&mut random, 1600, true);
+    stretch.inputs[1].iter_mut().for_each(|w| *w *= times);
+    driven(NOISE, TRACK, &mut random, stretch, hidden, 0.0)
+}
+
+/// The answer to training data that leave parameters open by which held-out data could come down.
+fn opened(library: &[Box<dyn Effect>], training: &Dataset, held: &Dataset) -> Diagnosis {
+    let model = model();
+    let question = Question { held_out: Some(held), track_width: Some(TRACK), ..Question::new(&*model, training, library) };
+    let diagnosis = diagnose(&question).unwrap();
+    let said = diagnosis.warnings.iter().any(|w| w.contains("that the training data hardly show"));
+    assert!(said, "{} {:?}", diagnosis.headline, diagnosis.warnings);
+    diagnosis
+}
+
+/// Held-out driving that goes where the training data never were shows what these leave open, and no physics.
+#[test]
+fn what_the_training_data_never_showed_is_no_mismatch() {
+    let diagnosis = opened(&library(), &turning(35, 0.03, &[]), &turning(36, 2.0, &[]));
+    assert_eq!(diagnosis.verdict, Verdict::NoMismatch, "{}", diagnosis.headline);
+}
+
+/// Nor does it refute what they do show, not even where the base model could hold there as well at a price that they deny it.
+#[test]
+fn what_the_training_data_never_showed_refutes_nothing() {
+    let load = PayloadChange::default();
+    for mass in [0.03, 0.1] {
+        let [later, before]: [[f64; 4]; 2] = [48.0, 0.1].map(|time| [time, mass, 0.0, 0.0]);
+        let (training, held) = (turning(35, 0.05, &[(&load, &later)]), turning(36, 1.0, &[(&load, &before)]));
+        let diagnosis = opened(&[Box::new(PayloadChange::default())], &training, &held);
+        assert_eq!((names(&diagnosis), diagnosis.verdict), (vec!["payload_change"], Verdict::Explained), "{}", diagnosis.headline);
     }
 }
 
