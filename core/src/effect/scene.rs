@@ -38,7 +38,8 @@ pub struct Scales {
 pub struct Track {
     /// Heading at each sample \[rad\].
     pub heading: Vec<f64>,
-    /// Whether it was measured; otherwise it counts from where the robot happened to stand when the stretch began.
+    /// Whether it was measured against something that stays; otherwise it counts from where the robot happened to stand when the stretch began,
+    /// as one does that begins at exactly zero: an odometry's.
     pub headed: bool,
     /// Distance that each wheel had rolled at each sample \[m\]: left, right.
     pub distance: [Vec<f64>; 2],
@@ -125,7 +126,7 @@ impl Scene {
         let pair = |k: usize| [stretch.outputs[0][k], stretch.outputs[1][k]];
         let integral = |of: &dyn Fn(usize) -> f64| integral(&stretch.time, of);
         Track {
-            headed: heading.is_some(),
+            headed: heading.and_then(|h| h.first()).is_some_and(|first| *first != 0.0),
             heading: heading.cloned().unwrap_or_else(|| integral(&|k| self.frame.body(&pair(k))[1])),
             distance: [0, 1].map(|side| integral(&|k| self.frame.wheels(&pair(k))[side])),
             from_rest,

@@ -12,7 +12,7 @@ const THETA: [f64; 6] = [0.26, 0.19, 0.01, 1.02, 0.05, 1.05];
 const TRACK: f64 = 0.34;
 
 #[test]
-fn where_no_heading_is_measured_a_recording_begins_at_any() {
+fn where_no_heading_is_measured_or_an_odometry_tells_it_a_recording_begins_at_any() {
     let model = VwPdConfig::default().build().unwrap();
     // Uphill lies ahead at first, and to the left behind when the second recording begins.
     let [there, elsewhere] = [0.0_f64, 2.4].map(|uphill| [0.06 * uphill.cos(), 0.06 * uphill.sin(), 0.0, 0.0]);
@@ -35,9 +35,13 @@ fn where_no_heading_is_measured_a_recording_begins_at_any() {
     let all = library();
     let mut question = Question::new(&*model, &training, &all);
     (question.track_width, question.experiment, question.held_out) = (Some(TRACK), false, Some(&held));
-    let answer = diagnose(&question).unwrap();
-    assert_eq!((answer.verdict, answer.effects.len()), (Verdict::Explained, 1), "{}", answer.headline);
-    assert_eq!(answer.effects[0].name, "slope");
-    let ceiling = answer.fit.noise_ceiling.unwrap();
-    assert!(answer.fit.after.iter().zip(&ceiling).all(|(after, most)| most - after < 0.3), "{:?} {ceiling:?}", answer.fit.after);
+    let odometry = |data| vec![Scene::new(data, &*model, TRACK, None, None).tracks[0].heading.clone()];
+    for headings in [None, Some([&training, &held].map(odometry))] {
+        [question.training_headings, question.held_out_headings] = headings.map_or([None, None], |h| h.map(Some));
+        let answer = diagnose(&question).unwrap();
+        assert_eq!((answer.verdict, answer.effects.len()), (Verdict::Explained, 1), "{}", answer.headline);
+        assert_eq!(answer.effects[0].name, "slope");
+        let ceiling = answer.fit.noise_ceiling.unwrap();
+        assert!(answer.fit.after.iter().zip(&ceiling).all(|(after, most)| most - after < 0.3), "{:?} {ceiling:?}", answer.fit.after);
+    }
 }
