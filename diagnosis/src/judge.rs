@@ -19,7 +19,7 @@ use wheelwright_core::effect::Scene;
 use crate::adequacy::Jitter;
 use crate::answer::{MENTIONED, always, clocks, mentioned, proven};
 use crate::holdout::{Runs, loss, mean, shifted};
-use crate::leeway::{Leeway, Moved, refuted};
+use crate::leeway::{Court, Leeway, Moved};
 use crate::noise::Noise;
 use crate::question::Question;
 use crate::residuals::Series;
@@ -119,7 +119,7 @@ impl<'q> Bench<'q> {
     pub(crate) fn new(question: &'q Question<'q>, search: &Search<'_>, selected: &Selected) -> Option<Self> {
         let held = question.held_out.filter(|h| !h.stretches.is_empty())?;
         let noise = &selected.whitening.noise;
-        let share = noise.innovation.iter().zip(&noise.deviation).map(|(i, d)| (i / d).powi(2)).sum::<f64>();
+        let share = (0..noise.deviation.len()).map(|c| noise.independent(c)).sum::<f64>();
         let jitter = search.jitter(selected);
         let trained = search.setting.layout.series(&selected.state.fit.simulated);
         let mut bench = Self { question, held, noise: noise.clone(), jitter, floor: 0.0, values: share * held.samples() as f64 };
@@ -225,13 +225,10 @@ impl<'q> Bench<'q> {
         }
         let with = |(data, scene)| (proven(search, &selected.state, &data, &scene).simulated, data, scene);
         let clocks: Vec<(Series, Dataset, Scene)> = self.clocks(search).map(with).collect();
+        let leeway = Leeway::new(search, &selected.state, &self.noise);
+        let courts: Vec<Court<'_, '_>> = clocks.iter().map(|(with, data, scene)| Court::new(&leeway, with, data, scene)).collect();
         // Whether they know nothing, on whatever clock, of what the selection has beyond a rest.
-        let unknown = |rest: &State| {
-            clocks.iter().all(|(with, data, scene)| {
-                let without = proven(search, rest, data, scene).simulated;
-                refuted(search, (&selected.state, with), (rest, &without), &self.noise, (data, scene))
-            })
-        };
+        let unknown = |rest: &State| courts.iter().all(|c| c.refutes(rest, &proven(search, rest, c.data, c.scene).simulated));
         let (_, rest) = rests.iter().find(|(_, rest)| unknown(rest))?;
         search.only(selected, rest)
     }

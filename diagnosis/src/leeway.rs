@@ -8,6 +8,8 @@
 //!
 //! with H what the training data know of the parameters. The second term is what the move costs, in twice the log-likelihood.
 
+use std::cell::OnceCell;
+
 use nalgebra::{DMatrix, DVector};
 use wheelwright_core::Dataset;
 use wheelwright_core::effect::Scene;
@@ -44,13 +46,18 @@ pub(crate) struct Leeway<'s, 'a> {
     search: &'s Search<'a>,
     state: &'s State,
     noise: &'s Noise,
-    known: DMatrix<f64>,
+    /// Only asked for where parameters move: it is a matter of many simulations.
+    known: OnceCell<DMatrix<f64>>,
 }
 
 impl<'s, 'a> Leeway<'s, 'a> {
     /// Of an explanation that was fitted under a noise.
     pub(crate) fn new(search: &'s Search<'a>, state: &'s State, noise: &'s Noise) -> Self {
-        Self { search, state, noise, known: search.known_of(state, noise).information }
+        Self { search, state, noise, known: OnceCell::new() }
+    }
+
+    fn known(&self) -> &DMatrix<f64> {
+        self.known.get_or_init(|| self.search.known_of(self.state, self.noise).information)
     }
 
     /// Moves the parameters to where other data would have them; `None` where the explanation cannot be simulated there.
@@ -60,7 +67,8 @@ impl<'s, 'a> Leeway<'s, 'a> {
 
     /// The same, on the way there no farther than to where the move costs so much on the training data.
     pub(crate) fn moved_within(&self, most: f64, data: &Dataset, scene: &Scene) -> Option<Moved> {
-        let Self { search, state, noise, known } = self;
+        let Self { search, state, noise, .. } = self;
+        let known = self.known();
         let layout = Layout::of(data, scene);
         let setting = Setting { data, scene, measured: layout.flat(data), layout, ..search.setting.clone() };
         let effects = search.effects(&state.effects);
@@ -111,17 +119,29 @@ impl<'s, 'a> Leeway<'s, 'a> {
     }
 }
 
-/// Whether other data refute what an explanation has beyond a rest of it, given the free runs of both: as they were fitted, and with leeway.
-pub(crate) fn refuted(
-    search: &Search<'_>,
-    (state, with): (&State, &Series),
-    (rest, without): (&State, &Series),
-    noise: &Noise,
-    (data, scene): (&Dataset, &Scene),
-) -> bool {
-    let gain = search.gain(&state.fit, rest);
-    let by = |data: &Dataset| BorneOut::new(noise, data, with, without, gain).refuted();
-    by(data) && Leeway::new(search, state, noise).eased(data, scene).is_none_or(|eased| by(&eased))
+/// Other data before which what an explanation has beyond a rest of it has to hold: as they are, and eased of what its parameters would change there.
+pub(crate) struct Court<'l, 'd> {
+    leeway: &'l Leeway<'l, 'l>,
+    /// Free run of the explanation.
+    with: &'d Series,
+    pub(crate) data: &'d Dataset,
+    pub(crate) scene: &'d Scene,
+    eased: OnceCell<Option<Dataset>>,
+}
+
+impl<'l, 'd> Court<'l, 'd> {
+    pub(crate) fn new(leeway: &'l Leeway<'l, 'l>, with: &'d Series, data: &'d Dataset, scene: &'d Scene) -> Self {
+        Self { leeway, with, data, scene, eased: OnceCell::new() }
+    }
+
+    /// Whether they refute, as they are and eased, what the explanation has beyond a rest with its free run.
+    pub(crate) fn refutes(&self, rest: &State, without: &Series) -> bool {
+        let Leeway { search, state, noise, .. } = self.leeway;
+        let gain = search.gain(&state.fit, rest);
+        let by = |data: &Dataset| BorneOut::new(noise, data, self.with, without, gain).refuted();
+        let eased = || self.eased.get_or_init(|| self.leeway.eased(self.data, self.scene));
+        by(self.data) && eased().as_ref().is_none_or(by)
+    }
 }
 
 /// Errors of a run, model minus measured, what is far out drawn in; and each output's weight: independent values count by what is left.
@@ -131,7 +151,7 @@ fn weighed(setting: &Setting<'_>, run: &[f64], noise: &Noise) -> (Vec<f64>, Vec<
         let own = &mut error[part];
         let size = (own.iter().map(|e| e * e).sum::<f64>() / own.len() as f64).sqrt().max(noise.deviation[c]);
         own.iter_mut().for_each(|e| *e = e.clamp(-HUBER * size, HUBER * size));
-        (noise.innovation[c] / noise.deviation[c] / size).powi(2)
+        noise.independent(c) / (size * size)
     };
     let weights = parts(setting).into_iter().enumerate().map(output).collect();
     (error, weights)
@@ -152,8 +172,6 @@ fn prior(known: &DMatrix<f64>, far: &DVector<f64>) -> DMatrix<f64> {
 #[cfg(test)]
 mod tests {
     #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
-
-    use std::cell::OnceCell;
 
     use rand::rngs::StdRng;
     use rand::{Rng, SeedableRng};

@@ -54,6 +54,11 @@ impl Noise {
         }
     }
 
+    /// The share of an output's values that its own past does not foretell.
+    pub(crate) fn independent(&self, c: usize) -> f64 {
+        (self.innovation[c] / self.deviation[c]).powi(2)
+    }
+
     /// What so many values of each output cost twice a log-likelihood by the size of their innovations, on which whitened residuals are silent.
     pub(crate) fn scale(&self, rows: usize) -> f64 {
         self.innovation.iter().map(|s| 2.0 * rows as f64 * s.ln()).sum()

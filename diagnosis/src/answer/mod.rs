@@ -3,6 +3,7 @@
 mod findings;
 mod proof;
 mod review;
+mod transferred;
 mod unseen;
 
 use wheelwright_core::simulation::Readout;
@@ -99,9 +100,9 @@ pub(crate) fn tell(
         findings,
         track,
         flags,
-        transfer: proof.transfer,
-        unseen: proof.unseen,
-        foreign: proof.foreign,
+        transfer: proof.transferred.transfer,
+        unseen: proof.transferred.unseen,
+        foreign: proof.transferred.foreign,
         warnings,
         effects: search.library,
         scene: setting.scene,

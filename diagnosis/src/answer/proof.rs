@@ -1,21 +1,17 @@
 //! The proof: free runs over held-out data, before and after, effect by effect.
 
-use statrs::distribution::{ChiSquared, ContinuousCDF};
 use wheelwright_core::Dataset;
 use wheelwright_core::effect::Scene;
 
 use crate::finding::{Fits, Replay, Rung};
 use crate::fit::setting::Setting;
-use crate::holdout::{Explanation, Ground, Loss, Proof, Runs, Transfer, foreign, losses, shifted, transfer};
-use crate::leeway::{Leeway, refuted};
+use crate::holdout::{Explanation, Ground, Proof, Runs, Transfer, losses, shifted};
 use crate::question::Question;
-use crate::select::{SHARE, Search, State};
+use crate::residuals::Series;
+use crate::select::{Search, State};
 
-use super::unseen::unseen;
-use super::{COUNTED, MENTIONED, Story};
-
-/// Chance with which the true parameters cost more on the training data, in twice the log-likelihood, than they may to be where held-out data have them.
-const UNLUCKY: f64 = 1e-3;
+use super::transferred::{There, Transferred};
+use super::{COUNTED, Story};
 
 /// θ and effects' values of a state.
 pub(crate) fn explanation<'a>(search: &Search<'a>, state: &State) -> Explanation<'a> {
@@ -34,11 +30,7 @@ pub(crate) fn proven(search: &Search<'_>, state: &State, data: &Dataset, scene: 
 pub(super) struct Proven {
     pub(super) fits: Fits,
     pub(super) waterfall: Vec<Rung>,
-    pub(super) transfer: Transfer,
-    /// Whether held-out data show motion that the training data lack.
-    pub(super) foreign: bool,
-    /// Another part of a cause that was found, which only the held-out data show, if that is what they lack.
-    pub(super) unseen: Option<String>,
+    pub(super) transferred: Transferred,
     /// Held-out fit gained by each effect when it is added last.
     pub(super) gains: Vec<Option<f64>>,
     pub(super) training: Replay,
@@ -64,9 +56,7 @@ impl Proven {
         let mut made = Self {
             fits: Fits::default(),
             waterfall: Vec::new(),
-            transfer: Transfer::Holds,
-            foreign: false,
-            unseen: None,
+            transferred: Transferred { transfer: Transfer::Holds, foreign: false, unseen: None },
             gains: vec![None; selected.state.effects.len()],
             training,
             held_out: None,
@@ -84,36 +74,12 @@ impl Proven {
         let jitter = search.jitter(selected);
         // What was reached is possible.
         let ceiling = (0..noise.len()).map(|c| ground.ceiling(c, noise[c]).max(after.fit[c])).collect();
-        let left = [&before, &after].map(|proof| losses(&shifted, &proof.simulated, noise, jitter));
+        let left = losses(&shifted, &before.simulated, noise, jitter);
         let runs = Runs { training: (question.training, &trained.simulated), held_out: (&shifted, &after.simulated), noise, jitter };
-        let floor = runs.floor();
         let withouts: Vec<Option<(&State, Proof)>> = rests.iter().map(|r| r.as_ref().map(|r| (r, on(&shifted, &scene, r)))).collect();
-        let unknown = |(rest, without): &(&State, Proof)| {
-            let with = (&selected.state, &after.simulated);
-            refuted(search, with, (*rest, &without.simulated), &selected.whitening.noise, (&shifted, &scene))
-        };
-        let holds = |after: &[Loss]| transfer(&left[0], after, &floor) == Transfer::Holds;
-        // What the leeway costs with which a state holds.
-        let with_leeway = |state: &State| {
-            // What parameters cost at their true values, and what the imperfect form of a law makes of them.
-            let most = affordable(selected.state.fit.rank(setting)) + SHARE * selected.gained(setting, &selected.state.fit);
-            let there = Leeway::new(search, state, &selected.whitening.noise).moved_within(most, &shifted, &scene)?;
-            holds(&losses(&shifted, &there.simulated, noise, jitter)).then_some(there.cost)
-        };
-        // Leeway that saves the base model as well speaks for nothing that was added to it, unless that has to go decisively farther.
-        let plain = || if selected.state.effects.is_empty() { None } else { with_leeway(&selected.plain()) };
-        let saved = || with_leeway(&selected.state).is_some_and(|cost| plain().is_none_or(|farther| farther > cost + MENTIONED));
-        made.transfer = match transfer(&left[0], &left[1], &floor) {
-            _ if withouts.iter().flatten().any(unknown) => Transfer::Fails,
-            Transfer::Fails if saved() => Transfer::Open,
-            Transfer::Fails => {
-                let there = unseen(search, selected, &shifted, &scene, |run| losses(&shifted, run, noise, jitter));
-                made.unseen = there.filter(|there| holds(&there.losses)).map(|there| there.statement);
-                if made.unseen.is_some() { Transfer::Open } else { Transfer::Fails }
-            }
-            as_fitted => as_fitted,
-        };
-        made.foreign = made.transfer != Transfer::Open && foreign(&left[1], &floor);
+        let there = There { search, selected, data: &shifted, scene: &scene, jitter, before: left, floor: runs.floor() };
+        let runs: Vec<(&State, &Series)> = withouts.iter().flatten().map(|(rest, without)| (*rest, &without.simulated)).collect();
+        made.transferred = there.weigh(&after.simulated, &runs);
         made.waterfall = waterfall(story, &before, &after, &|state| on(&shifted, &scene, state).fit);
         let gained = |(_, without): &(&State, Proof)| {
             let gains: Vec<f64> = after.fit.iter().zip(&without.fit).map(|(a, b)| a - b).filter(|g| g.is_finite()).collect();
@@ -125,11 +91,6 @@ impl Proven {
         made.fits = Fits { before: before.fit, after: after.fit, noise_ceiling: Some(ceiling), narx };
         made
     }
-}
-
-/// What so many parameters cost at their true values, but for bad luck: chi-squared.
-fn affordable(freedom: usize) -> f64 {
-    ChiSquared::new(freedom.max(1) as f64).map_or(0.0, |cost| cost.inverse_cdf(1.0 - UNLUCKY))
 }
 
 /// The time by which a held-out recording's clock is moved. One that goes on where the training data end has its clock. Of another

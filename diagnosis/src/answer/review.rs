@@ -76,7 +76,7 @@ fn gained(setting: &Setting<'_>, noise: &Noise, residuals: &Residuals<'_>) -> f6
         let stretches = setting.data.stretches.iter().zip(run);
         stretches.flat_map(|(s, run)| s.outputs[c].iter().zip(&run[c]).map(|(y, m)| (y - m).powi(2))).sum::<f64>().max(f64::MIN_POSITIVE)
     };
-    let independent = |c: usize| (noise.innovation[c] / noise.deviation[c]).powi(2) * setting.layout.counted() as f64;
+    let independent = |c: usize| noise.independent(c) * setting.layout.counted() as f64;
     (0..setting.layout.outputs()).map(|c| independent(c) * (left(&residuals.base, c) / left(&residuals.last, c)).ln()).sum()
 }
 
