@@ -20,8 +20,9 @@ use crate::judge::{Bench, judged, widened};
 use crate::noise::Noise;
 use crate::question::{DiagnosisError, Question};
 use crate::radius::{self, Wheels};
+use crate::round::{come_round, in_line};
 use crate::screen::{Response, saturate};
-use crate::select::{COMPARING, EXCHANGE, FINAL, Newest, SHARE, Search, Selected, State};
+use crate::select::{COMPARING, EXCHANGE, FINAL, SHARE, Search, Selected, State};
 use crate::track;
 
 /// Fewest values a parameter that are needed for a noise model to mean anything.
@@ -34,14 +35,6 @@ const ACCURACY: f64 = 0.01;
 pub(crate) const DECISIVE: f64 = 10.0;
 /// Rows beyond which a recording only costs time: pieces spread evenly over it are taken.
 const MOST_ROWS: usize = 8_000;
-
-/// Angle \[rad\] by which a wheel that is thought elsewhere hides what goes round with it.
-const ASTRAY: f64 = 0.5;
-/// Angle \[rad\] by which it shifts what was found to go round enough to be fitted again: its radius is told by the angle after many turns.
-const SHIFTED: f64 = 0.1;
-
-/// How far a line may be off its order: as far as a wheel's radius that a person measured.
-const OFF_LINE: f64 = 0.05;
 
 /// What is said where the search ended before it had looked at everything.
 const STOPPED: &str = "the search ended at its limit of simulation: what further effects would explain, and what could stand in the place of those that \
@@ -257,9 +250,8 @@ fn plainer<'a>(story: &Story<'a>, reading: &Setting<'a>, base: &Fit) -> Option<f
 }
 
 /// Evidence under the noise that a model leaves itself.
-fn own_evidence(search: &Search<'_>, effects: Vec<usize>, fit: &Fit, whitening: &Whitening, base: &Fit) -> Option<f64> {
-    let noise = search.noise_of(&effects, fit, whitening)?;
-    let (whitening, fit) = search.under(&effects, fit, &noise, COMPARING)?;
+pub(crate) fn own_evidence(search: &Search<'_>, effects: Vec<usize>, fit: &Fit, whitening: &Whitening, base: &Fit) -> Option<f64> {
+    let (whitening, fit) = search.under_its_own(&effects, fit, whitening, COMPARING)?;
     Some(evidence(search, &State { effects, fit }, &whitening, base))
 }
 
@@ -357,64 +349,6 @@ fn selected<'a>(start: Surroundings<'a>, known: Option<&'a Known>, closer: &'a O
     let known = with_known(&search, &base, &whitening);
     let selected = search.run(State::plain(base), known, whitening, &responses)?;
     Ok(in_line(come_round(Story { search, selected, responses, first, means: None }, closer)))
-}
-
-/// A story with the effect whose line stands out of what everything else leaves over, if there is one.
-fn in_line(mut story: Story<'_>) -> Story<'_> {
-    let Story { search, selected, .. } = &story;
-    if search.full(selected) {
-        return story;
-    }
-    let Some(line) = search.line(selected) else { return story };
-    let of = |i: &usize| search.effect(*i).line().is_some_and(|order| (line.order / order - 1.0).abs() < OFF_LINE);
-    let applies = |i: &usize| search.effect(*i).inapplicable(search.setting.scene).is_none();
-    let fitting: Vec<usize> = (0..search.library.len()).filter(of).filter(applies).collect();
-    let about = search.respond_of(&fitting, &selected.plain());
-    // One wheel, and the other as well.
-    for _ in 0..2 {
-        let Some(joined) = story.search.joined(&story.selected, &about) else { break };
-        story.selected = joined;
-        story.search.exchange(&mut story.selected, &story.responses, Newest::Open);
-    }
-    story
-}
-
-/// Whether wheels stand elsewhere in one scene than in another, by more than an angle.
-fn astray(a: &Scene, b: &Scene, angle: f64) -> bool {
-    let Some(radius) = a.wheel_radius else { return false };
-    let [there, here] = [a, b].map(|scene| scene.tracks.iter().flat_map(|t| &t.distance).flatten());
-    there.zip(here).any(|(a, b)| (a - b).abs() > angle * radius)
-}
-
-/// A story with what goes round with the wheels as it shows once they are followed with what was found: where a misfit took the base model away
-/// nobody knew how they stood, and what was found of it has another radius.
-fn come_round<'a>(story: Story<'a>, closer: &'a OnceCell<Scene>) -> Story<'a> {
-    let Story { search, selected, .. } = &story;
-    let Setting { data, layout, .. } = &search.setting;
-    let members = &selected.state.effects;
-    let turning = search.turning();
-    let round = members.iter().any(|i| turning.contains(i));
-    let nothing = members.len() == search.fixed(selected);
-    if turning.is_empty() || nothing || (!round && search.full(selected)) || search.setting.exhausted() {
-        return story;
-    }
-    let scene = closer.get_or_init(|| search.setting.scene.followed(data, &layout.series(&selected.state.fit.simulated)));
-    if !astray(search.setting.scene, scene, if round { SHIFTED } else { ASTRAY }) {
-        return story;
-    }
-    let setting = Setting { scene, ..search.setting.clone() };
-    let nearer = Search { setting, library: search.library, open: search.open.clone(), known: search.known };
-    let base = selected.plain();
-    let about = nearer.respond_of(&turning, &base);
-    let rest = search.keeping(selected, &|i| !turning.contains(&members[i])).and_then(|rest| search.only(selected, &rest));
-    let Some(mut selected) = rest.and_then(|rest| nearer.joined(&rest, &about)) else { return story };
-    let Story { responses: others, first, means, .. } = story;
-    let others = others.into_iter().filter(|r| !turning.contains(&r.effect));
-    let mut responses: Vec<Response> = others.chain(about.iter().cloned()).collect();
-    responses.sort_by_key(|r| r.effect);
-    nearer.exchange(&mut selected, &responses, Newest::Open);
-    nearer.other_wheel(&mut selected, &about, &responses);
-    Story { search: nearer, selected, responses, first, means }
 }
 
 /// The base model with the effect that is known from beside, fitted within what is known of it.

@@ -25,6 +25,7 @@ mod question;
 mod race;
 mod radius;
 pub mod residuals;
+mod round;
 mod screen;
 mod select;
 mod track;

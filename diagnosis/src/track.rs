@@ -154,8 +154,7 @@ impl Model {
     /// The base model with an effect, under the noise that it leaves then.
     fn with(start: &Surroundings<'_>, first: &Refined) -> Option<Self> {
         let (search, effects) = (&start.search, vec![first.effect]);
-        let noise = search.noise_of(&effects, &first.fit, &start.whitening)?;
-        let (whitening, fit) = search.under(&effects, &first.fit, &noise, COMPARING)?;
+        let (whitening, fit) = search.under_its_own(&effects, &first.fit, &start.whitening, COMPARING)?;
         Some(Self { state: State { effects, fit }, about: None, whitening })
     }
 

@@ -136,9 +136,8 @@ impl<'a> Search<'a> {
 
     /// A selection in the place of another, under the noise that it leaves.
     pub(super) fn renewed(&self, selected: &Selected, effects: Vec<usize>, fit: &Fit) -> Option<Selected> {
-        let noise = self.noise_of(&effects, fit, &selected.whitening)?;
-        let (whitening, fit) = self.under(&effects, fit, &noise, FINAL)?;
-        let (_, base) = self.under(&[], &selected.base, &noise, COMPARING)?;
+        let (whitening, fit) = self.under_its_own(&effects, fit, &selected.whitening, FINAL)?;
+        let (_, base) = self.under(&[], &selected.base, &whitening.noise, COMPARING)?;
         Some(Selected { state: State { effects, fit }, whitening, base, rivals: Vec::new(), ranking: selected.ranking.clone() })
     }
 

@@ -95,6 +95,7 @@ pub(crate) struct Search<'a> {
 }
 
 /// What selection ended with.
+#[derive(Clone)]
 pub(crate) struct Selected {
     pub(crate) state: State,
     pub(crate) whitening: Whitening,
@@ -247,6 +248,7 @@ impl<'a> Search<'a> {
             self.contest(&mut selected, first);
         }
         self.think_over(&mut selected, first);
+        self.simplify(&mut selected, first);
         Ok(selected)
     }
 
@@ -307,16 +309,16 @@ impl<'a> Search<'a> {
     fn join(&self, selected: &Selected, refined: &[Refined], which: usize, share: f64) -> Option<Selected> {
         let candidate = &refined[which];
         let effects = selected.state.and(candidate.effect);
-        let noise = self.noise_of(&effects, &candidate.fit, &selected.whitening)?;
-        let (whitening, with) = self.under(&effects, &candidate.fit, &noise, FINAL)?;
+        let (whitening, with) = self.under_its_own(&effects, &candidate.fit, &selected.whitening, FINAL)?;
         let with = self.look_round(&effects, &whitening, with, FINAL);
-        let (_, without) = self.under(&selected.state.effects, &selected.state.fit, &noise, COMPARING)?;
+        let noise = &whitening.noise;
+        let (_, without) = self.under(&selected.state.effects, &selected.state.fit, noise, COMPARING)?;
         let likelihood = |f: &Fit| f.likelihood(&self.setting);
         let gain = likelihood(&with) - likelihood(&without);
         let score = gain - self.penalty(self.freedom(&effects, &with) - self.freedom(&selected.state.effects, &without));
-        let base = if selected.state.effects.is_empty() { without.clone() } else { self.under(&[], &selected.base, &noise, COMPARING)?.1 };
+        let base = if selected.state.effects.is_empty() { without.clone() } else { self.under(&[], &selected.base, noise, COMPARING)?.1 };
         let explained = likelihood(&with) - likelihood(&base) - gain;
-        let matters = score >= share * explained || self.sizeable(&base, &without, &with, &noise);
+        let matters = score >= share * explained || self.sizeable(&base, &without, &with, noise);
         (score > 0.0 && matters).then(|| Selected {
             rivals: of_the_last(effects.len(), self.beside(&selected.state, refined, candidate)),
             state: State { effects, fit: with },

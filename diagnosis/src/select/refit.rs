@@ -5,18 +5,22 @@ use crate::fit::Fitted;
 use crate::fit::algebra::Directions;
 use crate::fit::base::renew;
 use crate::fit::profile::Known;
-use crate::fit::search::{Effort, Fit, evaluate, maximise};
+use crate::fit::search::{Effort, Fit, evaluate, left, maximise, settled};
 use crate::fit::setting::Point;
 use crate::fit::whitening::Whitening;
 use crate::noise::Noise;
 
 impl<'a> Search<'a> {
-    /// Noise as a fit leaves it.
-    pub(crate) fn noise_of(&self, indices: &[usize], fit: &Fit, whitening: &Whitening) -> Option<Noise> {
-        let mut residual = self.run_of(indices, &fit.point)?;
-        residual.iter_mut().zip(&self.setting.measured).for_each(|(r, y)| *r = y - *r);
+    /// A fit under the noise that it leaves itself. A candidate was simulated from the initial outputs of the model that it joins, which what that
+    /// misses may have drawn far off: its noise is what it leaves from its own likeliest ones.
+    pub(crate) fn under_its_own(&self, indices: &[usize], fit: &Fit, whitening: &Whitening, effort: Effort) -> Option<(Whitening, Fit)> {
+        let mut runner = self.runner(indices, &fit.point)?;
+        let mut there = evaluate(&self.setting, &mut runner, whitening, &fit.point)?;
+        there.columns.clone_from(&fit.columns);
+        let fit = settled(&self.setting, &mut runner, whitening, there);
         let taken = fit.rank(&self.setting) as f64 + whitening.taken();
-        Some(Noise::estimate(&residual, &self.setting.layout, taken, &self.setting.floor))
+        let noise = Noise::estimate(&left(&self.setting, &fit.simulated), &self.setting.layout, taken, &self.setting.floor);
+        renew(&self.setting, &mut runner, noise, &fit, effort)
     }
 
     /// The free run of a model at a point, flat; `None` where it cannot be simulated.
@@ -172,5 +176,31 @@ impl<'a> Search<'a> {
     pub(crate) fn beyond(&self, effects: &[usize], fit: &Fit, rest: &State) -> (f64, f64) {
         let freedom = self.freedom(effects, fit) - self.freedom(&rest.effects, &rest.fit);
         (freedom, self.gain(fit, rest) - self.penalty(freedom))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
+
+    use super::*;
+    use crate::effects::QuadraticDrag;
+    use crate::fixture::{Case, with_selected};
+
+    #[test]
+    fn initial_outputs_that_another_model_drew_aside_are_no_noise() {
+        let library: Vec<Box<dyn wheelwright_core::Effect>> = vec![Box::new(QuadraticDrag::default())];
+        with_selected(&Case::clean(5), &library, 1, |search, selected| {
+            let State { effects, fit } = &selected.state;
+            let own = |fit: &Fit| search.under_its_own(effects, fit, &selected.whitening, COMPARING).unwrap();
+            let mut drawn = fit.clone();
+            drawn.point.starts.iter_mut().flatten().for_each(|start| *start += 0.3);
+            let [(first, fit), (other, moved)] = [own(fit), own(&drawn)];
+            for (a, b) in first.noise.deviation.iter().zip(&other.noise.deviation) {
+                assert!((a / b - 1.0).abs() < 1e-3, "{a} {b}");
+            }
+            let apart = fit.point.starts.iter().flatten().zip(moved.point.starts.iter().flatten()).map(|(a, b)| (a - b).abs());
+            assert!(apart.fold(0.0, f64::max) < 1e-3);
+        });
     }
 }

@@ -2,9 +2,11 @@
 
 use wheelwright_core::effect::{Effect, EffectParameter};
 
-use super::{EXCHANGE, Rival, SHARE, Search, Selected, State};
+use super::contest::of_the_last;
+use super::{EXCHANGE, Newest, Rival, SHARE, Search, Selected, State};
 use crate::answer::{AMBIGUOUS, always};
 use crate::race::Refined;
+use crate::screen::Response;
 
 /// A member's rivals, and those of the others.
 fn others(selected: &Selected, member: usize) -> (Vec<Rival>, Vec<Vec<Rival>>) {
@@ -40,6 +42,44 @@ impl<'a> Search<'a> {
             }
         }
         (selected, rests)
+    }
+
+    /// The selection with one effect in the place of two, as long as there is such: what was found first may be a part of what, in its place, needs
+    /// nothing beside it.
+    pub(super) fn simplify(&self, selected: &mut Selected, first: &[Response]) {
+        while let Some(simpler) = self.simpler(selected) {
+            *selected = simpler;
+            self.exchange(selected, first, Newest::Open);
+        }
+    }
+
+    /// The selection with the rival of a member that makes another one superfluous, if there is such: the one with which the least is lost.
+    fn simpler(&self, selected: &Selected) -> Option<Selected> {
+        let fixed = self.fixed(selected);
+        let near = |rival: &&Rival| rival.gap < AMBIGUOUS + self.penalty(1.0);
+        let rests = selected.rivals.iter().skip(fixed).flatten().filter(near).flat_map(|rival| {
+            let with = Selected { state: rival.state.clone(), rivals: Vec::new(), ..selected.clone() };
+            // The rival itself stands last.
+            (fixed..rival.state.effects.len() - 1).filter_map(move |other| self.without(&with, other))
+        });
+        let lost = |rest: State| {
+            let (freedom, worth) = self.beyond(&selected.state.effects, &selected.state.fit, &rest);
+            (worth, freedom, rest)
+        };
+        let mut all: Vec<(f64, f64, State)> = rests.map(lost).collect();
+        all.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let (least, freedom, best) = all.first().filter(|(worth, ..)| *worth < AMBIGUOUS)?;
+        // The others that need nothing beside them either are its rivals.
+        let (last, beside) = best.effects.split_last()?;
+        let others = all.iter().filter(|(.., rest)| rest.effects.split_last().is_some_and(|(other, also)| other != last && also == beside));
+        let rival = |(worth, own, rest): &(f64, f64, State)| Rival {
+            effect: rest.effects[beside.len()],
+            state: rest.clone(),
+            gap: worth - least,
+            cost: self.log_values() * (freedom - own),
+        };
+        let rivals = of_the_last(best.effects.len(), others.map(rival).collect());
+        self.only(selected, best).map(|simpler| Selected { rivals, ..simpler })
     }
 
     /// The selection with its members by the names of what they are: of a law that one contains, where that explains as much from where the
@@ -155,8 +195,9 @@ mod tests {
     #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
     use super::*;
-    use crate::effects::{CommandDelay, CoulombFriction, QuadraticDrag, SensorDelay, StribeckFriction};
-    use crate::fit::search::evaluate;
+    use crate::effects::{CommandDelay, CommandOffset, CoulombFriction, DirectionAsymmetry, QuadraticDrag, SensorDelay, StribeckFriction};
+    use crate::fit::search::{Fit, evaluate};
+    use crate::fit::setting::Point;
     use crate::fixture::{Case, NOISE, normal, with_selected};
 
     #[test]
@@ -184,6 +225,40 @@ mod tests {
             });
         }
         assert!(seen[0] > 0 && seen[1] > 0, "{seen:?}");
+    }
+
+    /// A point of a model with effects at these values, the base model's parameters as a fit has them.
+    fn point(fit: &Fit, free: usize, values: &[f64]) -> Point {
+        Point { x: [&fit.point.x[..free], values].concat(), starts: fit.point.starts.clone() }
+    }
+
+    #[test]
+    fn one_effect_takes_the_place_of_two_that_are_its_parts() {
+        let library: Vec<Box<dyn Effect>> =
+            vec![Box::new(CommandOffset {}), Box::new(CoulombFriction::default()), Box::new(DirectionAsymmetry::default())];
+        // Dry friction of another size backwards is plain friction and an offset; beside an offset in turning it is not all.
+        let hidden: [(&[usize], &[f64]); 2] = [(&[2], &[0.05, 0.02, 1.0]), (&[0, 2], &[0.0, 0.1, 0.05, 0.02, 1.0])];
+        for (truth, values) in hidden {
+            let (mut case, mut run) = (Case::clean(5), Vec::new());
+            with_selected(&case, &library, 1, |search, selected| {
+                let there = point(&selected.base, search.setting.free(), values);
+                run = search.setting.layout.series(&search.run_of(truth, &there).unwrap());
+            });
+            for (stretch, (run, clean)) in case.data.stretches.iter_mut().zip(run.iter().zip(&case.truth)) {
+                for (c, output) in stretch.outputs.iter_mut().enumerate() {
+                    output.iter_mut().zip(run[c].iter().zip(&clean[c])).for_each(|(y, (run, clean))| *y += run - clean);
+                }
+            }
+            with_selected(&case, &library, 2, |search, mut selected| {
+                let first = search.respond(&selected.plain());
+                let with = point(&selected.base, search.setting.free(), &[0.0, 0.0, 0.03, 0.03, 1.0]);
+                let (_, fit) = search.at(&[0, 2], with, &selected.whitening.noise).unwrap();
+                let state = State { effects: vec![0, 2], fit };
+                selected.rivals[1] = vec![Rival { effect: 2, state, gap: 0.0, cost: 0.0 }];
+                search.simplify(&mut selected, &first);
+                assert_eq!(selected.state.effects == [2], truth == [2], "{:?}", selected.state.effects);
+            });
+        }
     }
 
     #[test]

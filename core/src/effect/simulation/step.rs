@@ -225,8 +225,7 @@ impl EffectSimulator<'_> {
         let end = Instant { time: at.time + h, span: 0.5 * h, ..*at };
         let ahead = !slots.held && !slots.looped;
         if ahead {
-            // What filters and ramps make of a command hangs on no output, and the whole step of it is known before any of it is taken. A parabola
-            // has the mean (u0 + 4 um + u1)/6, and the line nearest to it rises by u1 − u0.
+            // What filters and ramps make of a command hangs on no output, and the whole step of it is known before any of it is taken.
             let m = if N == 0 { b.u.len() } else { N };
             let (starts, middles, u) = (&mut b.start[..m], &mut b.middle[..m], &mut b.u[..m]);
             starts.copy_from_slice(u);
@@ -234,11 +233,7 @@ impl EffectSimulator<'_> {
             middles.copy_from_slice(u);
             // Before what switches there.
             slots.command(&Instant { time: end.time - JUST * h, ..end }, x, state, u);
-            for ((start, middle), last) in starts.iter_mut().zip(middles).zip(&*u) {
-                let rise = last - *start;
-                *middle = (*start + 4.0 * *middle + last) / 6.0;
-                *start = *middle - 0.5 * rise;
-            }
+            straighten(starts, middles, u);
         }
         let right = RightSide { model: *model, theta, slots, linear };
         right.accelerations::<N>(at, x, if ahead { &b.start } else { &b.u }, state, &mut b.work, n0)?;
@@ -267,17 +262,9 @@ impl EffectSimulator<'_> {
             moved += by * by;
             held -= bent * by;
         }
-        // A force that holds the outputs more firmly than a step is long would be overshot, to and fro over the kink of a friction, by no more than
-        // that is wide. With z its slope times the step, x' = x + h N/(1 + z) as the implicit rule has it, which never does.
         // Where commands or numbers of effects change within a step, what changes is not the outputs' doing alone.
         let firm = if ahead || slots.looped || slots.advancing { 0.0 } else { h * held };
-        let share = if firm > moved {
-            // What changes more is looked at more closely instead, by a rule of second order.
-            let seen = (4.0 * h * bend / BEND - 3.0).clamp(0.0, 1.0);
-            seen + (1.0 - seen) * 2.0 / (1.0 + firm / moved)
-        } else {
-            1.0
-        };
+        let share = if firm > moved { implicit(firm / moved, h * bend) } else { 1.0 };
         if share < 1.0 {
             nm.iter_mut().zip(n0.iter()).for_each(|(nm, n0)| *nm = n0 + share * (*nm - n0));
         }
@@ -311,6 +298,26 @@ impl EffectSimulator<'_> {
         }
         Ok(h * curved / 6.0)
     }
+}
+
+/// Puts the line through a step's start and its middle in the place of a command's values there, that which is the nearest to the parabola through them
+/// and the last one: it has the parabola's mean, (u0 + 4 um + u1)/6, and rises by u1 − u0.
+#[inline(always)]
+fn straighten(starts: &mut [f64], middles: &mut [f64], last: &[f64]) {
+    for ((start, middle), last) in starts.iter_mut().zip(middles).zip(last) {
+        let rise = last - *start;
+        *middle = (*start + 4.0 * *middle + last) / 6.0;
+        *start = *middle - 0.5 * rise;
+    }
+}
+
+/// The share of a change of the right side within a step that counts where a force holds the outputs more firmly than the step is long, with z > 1 its
+/// slope times the step. It would be overshot, to and fro over the kink of a friction, by no more than that is wide: x' = x + h N/(1 + z), as the
+/// implicit rule has it, never does. What changes more than a little is looked at more closely instead, by a rule of second order.
+#[inline(always)]
+fn implicit(z: f64, bend: f64) -> f64 {
+    let seen = (4.0 * bend / BEND - 3.0).clamp(0.0, 1.0);
+    seen + (1.0 - seen) * 2.0 / (1.0 + z)
 }
 
 /// The accelerations of a model with loads and drive effects.
