@@ -8,6 +8,7 @@ use wheelwright_core::simulation::Readout;
 
 use crate::answer::{Means, Story, always, tell};
 use crate::beside::{Beside, Dimensions, dimensions};
+use crate::clock;
 use crate::effects::{LATENESS, digits};
 use crate::finding::Diagnosis;
 use crate::fit::base::{fit, renew};
@@ -22,7 +23,7 @@ use crate::question::{DiagnosisError, Question};
 use crate::radius::{self, Wheels};
 use crate::round::{come_round, in_line};
 use crate::screen::{Response, saturate};
-use crate::select::{COMPARING, EXCHANGE, FINAL, SHARE, Search, Selected, State};
+use crate::select::{EXCHANGE, FINAL, SHARE, Search, Selected, State};
 use crate::track;
 
 /// Fewest values a parameter that are needed for a noise model to mean anything.
@@ -97,6 +98,7 @@ pub fn diagnose(question: &Question<'_>) -> Result<Diagnosis, DiagnosisError> {
     warnings.extend(another_track(question, likelier, asked, round, given));
     story.selected = story.search.modest(story.selected);
     story.selected = judged(question, &story.search, story.selected, &story.responses);
+    let told = clock::named(question, &story.search, &mut story.selected);
     let (selected, mut rests) = story.search.settled(story.selected);
     story.selected = selected;
     if let Some(wider) = widened(question, &story.search, &story.selected) {
@@ -104,6 +106,10 @@ pub fn diagnose(question: &Question<'_>) -> Result<Diagnosis, DiagnosisError> {
         story.selected = wider;
     }
     story.search.twinned(&mut story.selected, &rests);
+    if let Some(told) = told {
+        told.exclude(&story.search, &mut story.selected);
+        warnings.push(told.remark());
+    }
     if story.search.setting.exhausted() {
         warnings.push(STOPPED.to_owned());
     }
@@ -246,28 +252,13 @@ fn plainer<'a>(story: &Story<'a>, reading: &Setting<'a>, base: &Fit) -> Option<f
     let x = search.unknowns(&selected.state, &kept).map(|j| selected.state.fit.point.x[j]).collect();
     let point = Point { x, starts: base.point.starts.clone() };
     let (whitening, fit) = other.at(&effects, point, &selected.whitening.noise)?;
-    own_evidence(&other, effects, &fit, &whitening, base)
-}
-
-/// Evidence under the noise that a model leaves itself.
-pub(crate) fn own_evidence(search: &Search<'_>, effects: Vec<usize>, fit: &Fit, whitening: &Whitening, base: &Fit) -> Option<f64> {
-    let (whitening, fit) = search.under_its_own(&effects, fit, whitening, COMPARING)?;
-    Some(evidence(search, &State { effects, fit }, &whitening, base))
+    let state = State { effects, fit };
+    Some(other.own_evidence(&Selected { state, whitening, base: base.clone(), rivals: Vec::new(), ranking: Vec::new() }))
 }
 
 /// Whether an effect makes what is recorded late.
 fn late(effect: &dyn Effect) -> bool {
     matches!(effect.stage(), Stage::Transport | Stage::Filter) || effect.family() == LATENESS
-}
-
-/// Twice the log-likelihood of the whole less what its effects cost. Comparable between readings of the same data: the scale of
-/// each reading's own noise counts with it.
-fn evidence(search: &Search<'_>, state: &State, whitening: &Whitening, base: &Fit) -> f64 {
-    let scale = whitening.noise.scale(search.setting.layout.counted());
-    let effects = state.effects.len() as f64;
-    let freedom = (search.freedom(&state.effects, &state.fit) - search.freedom(&[], base)).max(effects);
-    let cost = freedom * search.log_values() + effects * (search.penalty(1.0) - search.log_values());
-    state.fit.likelihood(&search.setting) - scale - cost
 }
 
 pub(crate) fn setting<'a>(question: &Question<'a>, data: &'a Dataset, scene: &'a Scene, readout: Readout) -> Setting<'a> {
@@ -458,12 +449,11 @@ impl Story<'_> {
     }
 
     fn evidence(&self) -> f64 {
-        evidence(&self.search, &self.selected.state, &self.selected.whitening, &self.selected.base)
+        let Selected { state, whitening, base, .. } = &self.selected;
+        self.search.evidence(state, whitening, base)
     }
 
-    /// The same under the noise that it leaves itself: where nothing was added the noise is that of all that effects could do.
     fn own_evidence(&self) -> f64 {
-        let Selected { state, whitening, base, .. } = &self.selected;
-        own_evidence(&self.search, state.effects.clone(), &state.fit, whitening, base).unwrap_or(f64::NEG_INFINITY).max(self.evidence())
+        self.search.own_evidence(&self.selected)
     }
 }

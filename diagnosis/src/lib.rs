@@ -6,6 +6,7 @@
 pub mod adequacy;
 mod answer;
 mod beside;
+mod clock;
 pub mod comparison;
 mod decide;
 mod diagnose;

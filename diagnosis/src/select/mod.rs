@@ -6,6 +6,7 @@
 //! ln(1 + (spread/standard error)²), by Laplace's approximation.
 
 mod contest;
+mod evidence;
 mod look;
 mod modest;
 mod refit;
@@ -240,7 +241,7 @@ impl<'a> Search<'a> {
             if let Some(plain) = hidden.then(|| self.plainly(&selected)).flatten() {
                 joined = self.joined(&plain, first);
                 if joined.is_none() {
-                    selected = self.likelier(selected, &plain);
+                    selected = self.or_as_plain(selected, &plain);
                 }
             }
             let Some(next) = joined else { break };
@@ -281,7 +282,7 @@ impl<'a> Search<'a> {
 
     /// A selection, or the same from the place that it has under plain noise, if it leaves less from there, each under the noise that it leaves itself: a fit
     /// may have stopped where its misfit passes for noise.
-    fn likelier(&self, selected: Selected, plain: &Selected) -> Selected {
+    fn or_as_plain(&self, selected: Selected, plain: &Selected) -> Selected {
         let setting = &self.setting;
         let squares = |fit: &Fit| -> f64 {
             let (rest, scales) = (left(setting, &fit.simulated), &setting.scene.scales.outputs);

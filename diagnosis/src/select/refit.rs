@@ -86,7 +86,11 @@ impl<'a> Search<'a> {
 
     /// The model with some of its effects, refitted under the same noise.
     pub(crate) fn keeping(&self, selected: &Selected, keep: &dyn Fn(usize) -> bool) -> Option<State> {
-        let state = &selected.state;
+        self.reduced(&selected.state, selected, keep)
+    }
+
+    /// A model with some of its effects, refitted under the noise of a selection.
+    pub(super) fn reduced(&self, state: &State, selected: &Selected, keep: &dyn Fn(usize) -> bool) -> Option<State> {
         let kept: Vec<usize> = (0..state.effects.len()).filter(|i| keep(*i)).collect();
         let effects: Vec<usize> = kept.iter().map(|i| state.effects[*i]).collect();
         if effects.is_empty() {
@@ -131,7 +135,7 @@ impl<'a> Search<'a> {
     }
 
     /// The values of each effect's parameters.
-    pub(super) fn values(&self, state: &State) -> Vec<Vec<f64>> {
+    pub(crate) fn values(&self, state: &State) -> Vec<Vec<f64>> {
         let mut at = self.setting.free();
         let of = |effect: &usize| {
             let n = self.effect(*effect).parameters(self.setting.scene).len();

@@ -58,9 +58,9 @@ impl<'a> Search<'a> {
         let fixed = self.fixed(selected);
         let near = |rival: &&Rival| rival.gap < AMBIGUOUS + self.penalty(1.0);
         let rests = selected.rivals.iter().skip(fixed).flatten().filter(near).flat_map(|rival| {
-            let with = Selected { state: rival.state.clone(), rivals: Vec::new(), ..selected.clone() };
             // The rival itself stands last.
-            (fixed..rival.state.effects.len() - 1).filter_map(move |other| self.without(&with, other))
+            let others = fixed..rival.state.effects.len() - 1;
+            others.filter_map(|other| self.reduced(&rival.state, selected, &|i| i != other))
         });
         let lost = |rest: State| {
             let (freedom, worth) = self.beyond(&selected.state.effects, &selected.state.fit, &rest);
@@ -113,9 +113,26 @@ impl<'a> Search<'a> {
         };
         let best = narrow.into_iter().filter_map(placed).max_by(|a, b| a.score.total_cmp(&b.score))?;
         let state = State { effects: rest.and(best.effect), fit: best.fit };
-        let narrow = self.only(selected, &state)?;
-        let gain = self.gain(&narrow.state.fit, &rest);
-        (self.gain(&selected.state.fit, &rest) - gain <= EXCHANGE.max(SHARE * gain)).then_some(narrow)
+        self.only(selected, &state).filter(|narrow| self.explains_as_much(narrow, selected, &rest))
+    }
+
+    /// Whether a selection explains what another one does beyond the rest of it, but for what laws are inexact by.
+    fn explains_as_much(&self, by: &Selected, selected: &Selected, rest: &State) -> bool {
+        let gain = self.gain(&by.state.fit, rest);
+        self.gain(&selected.state.fit, rest) - gain <= EXCHANGE.max(SHARE * gain)
+    }
+
+    /// The selection with a member by the name of another effect whose values are the same, if that explains as much.
+    pub(crate) fn renamed(&self, selected: &Selected, member: usize, name: &str) -> Option<Selected> {
+        let (rest, z) = (self.without(selected, member)?, self.unbent(&selected.state, member));
+        let (found, values) = (self.effect(selected.state.effects[member]), &self.values(&selected.state)[member]);
+        let placed = |i: usize| {
+            let start = self.as_part_of(i, found, values).filter(|start| start.len() == values.len())?;
+            self.placed(i, vec![start], &z, selected, &rest)
+        };
+        let best = self.open.iter().filter(|i| self.effect(**i).name() == name).find_map(|i| placed(*i))?;
+        let by = self.only(selected, &State { effects: rest.and(best.effect), fit: best.fit })?;
+        self.explains_as_much(&by, selected, &rest).then(|| succeeding(selected, member, by))
     }
 
     /// What the selection is with each law in a member's place that contains it.

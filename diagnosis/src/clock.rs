@@ -1,0 +1,305 @@
+//! Whether commands are late or the record is: on the model's channels it is the same, and what is recorded beside them tells the time as well.
+//!
+//! The wheels' own rates, or a heading, show the robot's motion once more. Where the recorded velocities are behind them by all of the delay
+//! that was found, it is the record that is late; where they are in time with the wheels as another sensor tells them, it is the commands, for two
+//! sensors would have to be late by the same. A heading that is in time may be their own integral, and says nothing.
+
+use nalgebra::{Matrix3, Vector3};
+use wheelwright_core::Stretch;
+use wheelwright_core::effect::Frame;
+
+use crate::comparison::{blocks, wrapped};
+use crate::diagnose::DECISIVE;
+use crate::question::Question;
+use crate::select::{Search, Selected};
+
+/// The effects that are one but for the clock.
+const LATE_COMMANDS: &str = "command_delay";
+const LATE_RECORD: &str = "sensor_delay";
+/// Seconds over which motion is summed up: noise is small in that, and a delay still changes what begins and ends there.
+const SPAN: f64 = 1.0;
+/// Shares of the delay that was found by which the record is tried to be behind: none of it first, all of it fifth.
+const SHARES: [f64; 7] = [0.0, 0.25, 0.5, 0.75, 1.0, 1.25, 1.5];
+const NONE: usize = 0;
+const ALL: usize = 4;
+/// Fewest spans that are compared.
+const FEWEST: usize = 20;
+/// What other sensors differ by at the least, as a share of the motion: less is the same numbers once more, which say nothing of their time.
+const SAME: f64 = 1e-4;
+
+/// What is late.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Late {
+    Commands,
+    Record,
+}
+
+/// What was told by the clock.
+pub(crate) struct Told {
+    late: Late,
+    by: &'static str,
+}
+
+impl Told {
+    /// What a person is told of it.
+    pub(crate) fn remark(&self) -> String {
+        match self.late {
+            Late::Record => format!(
+                "the recorded velocities are behind {} by the delay that was found: it is the record that is late, not the commands",
+                self.by
+            ),
+            Late::Commands => format!(
+                "the recorded velocities are in time with {}: it is the commands that are late, unless both records are late by the same",
+                self.by
+            ),
+        }
+    }
+
+    /// Strikes off the rivals what the clock rules out.
+    pub(crate) fn exclude(&self, search: &Search<'_>, selected: &mut Selected) {
+        if self.late == Late::Record {
+            selected.rivals.iter_mut().for_each(|rivals| rivals.retain(|r| search.effect(r.effect).name() != LATE_COMMANDS));
+        }
+    }
+}
+
+/// Gives what is late the name that the clock tells, if it does.
+pub(crate) fn named(question: &Question<'_>, search: &Search<'_>, selected: &mut Selected) -> Option<Told> {
+    let name = |member: usize| search.effect(selected.state.effects[member]).name();
+    let late = |member: &usize| [LATE_COMMANDS, LATE_RECORD].contains(&name(*member));
+    let member = (search.fixed(selected)..selected.state.effects.len()).find(late)?;
+    let delays = search.values(&selected.state).swap_remove(member);
+    let told = clocks(question).into_iter().find_map(|clock| Some(Told { late: clock.tells(question, &delays)?, by: clock.by }))?;
+    let right = match told.late {
+        Late::Commands => LATE_COMMANDS,
+        Late::Record => LATE_RECORD,
+    };
+    if name(member) != right {
+        *selected = search.renamed(selected, member, right)?;
+    }
+    Some(told)
+}
+
+/// Motion as something beside the model's outputs tells it.
+struct Clock {
+    by: &'static str,
+    /// The outputs that it tells.
+    outputs: &'static [usize],
+    /// Whether it comes from another sensor, where it is not the same numbers.
+    independent: bool,
+    /// By stretch: one or two coordinates that what they tell, summed up, is made of.
+    ways: Vec<Vec<Vec<f64>>>,
+}
+
+/// The clocks of a recording, the wheels' first.
+fn clocks(question: &Question<'_>) -> Vec<Clock> {
+    if !matches!(Frame::of(question.model, 1.0), Frame::Body { .. }) {
+        return Vec::new();
+    }
+    let stretches = &question.training.stretches;
+    let by_wheels = |rates: &Vec<[Vec<f64>; 2]>| {
+        let ways = stretches.iter().zip(rates).map(|(stretch, rates)| rates.iter().map(|rate| summed(stretch, rate)).collect());
+        Clock { by: "the wheels' own rates", outputs: &[0, 1], independent: true, ways: ways.collect() }
+    };
+    let by_heading = |headings: &Vec<Vec<f64>>| Clock {
+        by: "the measured heading",
+        outputs: &[1],
+        independent: false,
+        ways: headings.iter().map(|heading| vec![unwrapped(heading)]).collect(),
+    };
+    let wheels = question.training_wheel_rates.as_ref().map(by_wheels);
+    let all = wheels.into_iter().chain(question.training_headings.as_ref().map(by_heading));
+    let whole = |clock: &Clock| {
+        let fits = |(stretch, ways): (&Stretch, &Vec<Vec<f64>>)| ways.iter().all(|way| way.len() == stretch.len());
+        clock.ways.len() == stretches.len() && stretches.iter().zip(&clock.ways).all(fits)
+    };
+    all.filter(whole).collect()
+}
+
+impl Clock {
+    /// What is late, by the outputs that tell of it, which must not differ. `delays` is one for all outputs or one each \[s\].
+    fn tells(&self, question: &Question<'_>, delays: &[f64]) -> Option<Late> {
+        let of = |c: &usize| delays.get(*c).or(delays.first()).and_then(|delay| self.of_output(question, *c, *delay));
+        let mut all = self.outputs.iter().filter_map(of);
+        let first = all.next()?;
+        all.all(|other| other == first).then_some(first)?
+    }
+
+    /// What is late by one output: nothing where it cannot tell all of the delay from none; `Some(None)` where neither is the case.
+    fn of_output(&self, question: &Question<'_>, output: usize, delay: f64) -> Option<Option<Late>> {
+        let spans: Vec<Span> = blocks(question.training, SPAN)
+            .into_iter()
+            .filter_map(|(s, rows)| {
+                let (stretch, start) = (&question.training.stretches[s], rows.start);
+                let inside = rows.end < stretch.len() && stretch.time[start] - SHARES[SHARES.len() - 1] * delay >= stretch.time[0];
+                inside.then_some(Span { stretch: s, from: start, to: rows.end })
+            })
+            .collect();
+        let (all, left): (Vec<f64>, Vec<f64>) = SHARES
+            .map(|share| self.left(question, &spans, output, share * delay))
+            .into_iter()
+            .collect::<Option<Vec<_>>>()?
+            .into_iter()
+            .unzip();
+        let likelihood = |k: usize| -(spans.len() as f64) * left[k].ln();
+        let differ = |a: usize, b: usize| likelihood(a) > likelihood(b) + DECISIVE;
+        if !differ(NONE, ALL) && !differ(ALL, NONE) {
+            return None;
+        }
+        let best = (0..SHARES.len()).min_by(|a, b| left[*a].total_cmp(&left[*b]))?;
+        Some(match best {
+            NONE if self.independent && left[NONE] > SAME * SAME * all[NONE] => Some(Late::Commands),
+            ALL => Some(Late::Record),
+            _ => None,
+        })
+    }
+
+    /// Sums of squares of an output's motion over spans, and of what of it this clock, so much earlier, does not tell.
+    fn left(&self, question: &Question<'_>, spans: &[Span], output: usize, by: f64) -> Option<(f64, f64)> {
+        if spans.len() < FEWEST {
+            return None;
+        }
+        let row = |span: &Span| {
+            let stretch = &question.training.stretches[span.stretch];
+            let [start, end] = [span.from, span.to].map(|row| stretch.time[row]);
+            let turned = |way: &Vec<f64>| at(&stretch.time, way, end - by) - at(&stretch.time, way, start - by);
+            let ways = &self.ways[span.stretch];
+            let told = summed(&stretch.slice(span.from..span.to + 1), &stretch.outputs[output][span.from..=span.to]);
+            (Vector3::new(ways.first().map_or(0.0, turned), ways.get(1).map_or(0.0, turned), end - start), told[told.len() - 1])
+        };
+        let rows: Vec<(Vector3<f64>, f64)> = spans.iter().map(row).collect();
+        let (square, right) = rows.iter().fold((Matrix3::zeros(), Vector3::zeros()), |(a, b), (x, y)| (a + x * x.transpose(), b + x * *y));
+        let found = square.pseudo_inverse(f64::EPSILON * square.norm()).ok()? * right;
+        let left: f64 = rows.iter().map(|(x, y)| (y - x.dot(&found)).powi(2)).sum();
+        Some((rows.iter().map(|(_, y)| y * y).sum(), left.max(f64::MIN_POSITIVE)))
+    }
+}
+
+/// A part of a stretch, from one row to another.
+struct Span {
+    stretch: usize,
+    from: usize,
+    to: usize,
+}
+
+/// A rate summed up from a stretch's start, by trapezoids.
+fn summed(stretch: &Stretch, rate: &[f64]) -> Vec<f64> {
+    let mut sum = 0.0;
+    let steps = stretch.time.windows(2).zip(rate.windows(2));
+    let sums = steps.map(|(t, r)| {
+        sum += 0.5 * (r[0] + r[1]) * (t[1] - t[0]);
+        sum
+    });
+    std::iter::once(0.0).chain(sums.collect::<Vec<_>>()).collect()
+}
+
+/// A heading without its jumps of a whole turn.
+fn unwrapped(heading: &[f64]) -> Vec<f64> {
+    let mut angle = heading.first().copied().unwrap_or(0.0);
+    let steps = heading.windows(2).map(|pair| {
+        angle += wrapped(pair[1] - pair[0]);
+        angle
+    });
+    heading.first().copied().into_iter().chain(steps.collect::<Vec<_>>()).collect()
+}
+
+/// A series at a time, straight between samples.
+fn at(time: &[f64], series: &[f64], t: f64) -> f64 {
+    let next = time.partition_point(|other| *other < t).clamp(1, time.len() - 1);
+    let share = (t - time[next - 1]) / (time[next] - time[next - 1]);
+    series[next - 1] + share * (series[next] - series[next - 1])
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
+
+    use rand::SeedableRng;
+    use rand::rngs::StdRng;
+    use wheelwright_core::ModelConfig;
+    use wheelwright_core::effect::Effect;
+    use wheelwright_models::VwPdConfig;
+
+    use super::*;
+    use crate::effects::{CommandDelay, QuadraticDrag, SensorDelay};
+    use crate::fixture::{Case, NOISE, RADIUS, TRACK, normal, with_selected};
+
+    /// What is late by two samples.
+    const DELAY: f64 = 0.1;
+
+    /// A robot whose velocities are recorded two samples late.
+    fn late() -> Case {
+        let mut case = Case::clean(6);
+        case.data.stretches.iter_mut().for_each(|stretch| stretch.outputs.iter_mut().for_each(|y| y.rotate_right(2)));
+        case
+    }
+
+    /// Rates of the wheels that show the recorded velocities some samples earlier, with noise of their own.
+    fn rates(case: &Case, earlier: usize, noise: f64) -> Vec<[Vec<f64>; 2]> {
+        let mut random = StdRng::seed_from_u64(3);
+        let mut of = |y: &[Vec<f64>], side: f64| -> Vec<f64> {
+            let rate = |k: usize| (y[0][k] + side * 0.5 * TRACK * y[1][k] + noise * normal(&mut random)) / RADIUS;
+            (0..y[0].len()).map(|k| (k + earlier) % y[0].len()).map(rate).collect()
+        };
+        case.data.stretches.iter().map(|stretch| [of(&stretch.outputs, -1.0), of(&stretch.outputs, 1.0)]).collect()
+    }
+
+    fn told(case: &Case, ask: impl FnOnce(&mut Question<'_>)) -> Option<Late> {
+        let model = VwPdConfig::default().build().unwrap();
+        let mut question = Question::new(&*model, &case.data, &[]);
+        ask(&mut question);
+        clocks(&question).first()?.tells(&question, &[DELAY])
+    }
+
+    #[test]
+    fn rates_that_are_ahead_by_the_delay_tell_a_late_record_and_those_in_time_late_commands() {
+        let case = late();
+        let by_rates =
+            |earlier: usize, noise: f64| told(&case, |question| question.training_wheel_rates = Some(rates(&case, earlier, noise)));
+        assert_eq!(by_rates(2, NOISE[0]), Some(Late::Record));
+        assert_eq!(by_rates(0, NOISE[0]), Some(Late::Commands));
+        assert_eq!(by_rates(1, NOISE[0]), None, "half of it is neither");
+        assert_eq!(by_rates(0, 0.0), None, "the same numbers once more");
+        assert_eq!(told(&case, |_| ()), None);
+    }
+
+    #[test]
+    fn a_heading_that_is_ahead_tells_a_late_record() {
+        let case = late();
+        let heading = |earlier: usize| -> Vec<Vec<f64>> {
+            let of = |stretch: &Stretch| {
+                let turned = summed(stretch, &stretch.outputs[1]);
+                (0..turned.len()).map(|k| wrapped(turned[(k + earlier).min(turned.len() - 1)] + 3.0)).collect()
+            };
+            case.data.stretches.iter().map(of).collect()
+        };
+        let by_heading = |earlier: usize| told(&case, |question| question.training_headings = Some(heading(earlier)));
+        assert_eq!([by_heading(2), by_heading(0)], [Some(Late::Record), None]);
+    }
+
+    #[test]
+    fn what_is_late_gets_the_name_that_the_clock_tells() {
+        let case = late();
+        let library: Vec<Box<dyn Effect>> =
+            vec![Box::new(CommandDelay::default()), Box::new(SensorDelay::default()), Box::new(QuadraticDrag::default())];
+        let model = VwPdConfig::default().build().unwrap();
+        let named_by = |earlier: usize| {
+            let mut question = Question::new(&*model, &case.data, &library);
+            question.training_wheel_rates = Some(rates(&case, earlier, NOISE[0]));
+            let mut names = None;
+            with_selected(&case, &library, 1, |search, selected| {
+                let (mut selected, _) = search.settled(selected);
+                let told = named(&question, search, &mut selected).unwrap();
+                let rests = search.rests(&selected);
+                search.twinned(&mut selected, &rests);
+                told.exclude(search, &mut selected);
+                let name = |i: usize| search.effect(i).name().to_owned();
+                let rivals: Vec<String> = selected.rivals[0].iter().map(|r| name(r.effect)).collect();
+                names = Some((name(selected.state.effects[0]), rivals));
+            });
+            names.unwrap()
+        };
+        assert_eq!(named_by(2), ("sensor_delay".to_owned(), vec![]));
+        assert_eq!(named_by(0), ("command_delay".to_owned(), vec!["sensor_delay".to_owned()]));
+    }
+}
