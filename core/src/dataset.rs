@@ -28,6 +28,13 @@ impl Stretch {
         self.time.is_empty()
     }
 
+    /// Whether this goes on with the segment that another one is the part before of: nothing but time passed between them.
+    pub fn continues(&self, before: &Self) -> bool {
+        let segment = |stretch: &Self| stretch.label.split('+').next().map(str::to_owned);
+        let (last, first) = (before.time.last(), self.time.first());
+        segment(self) == segment(before) && last.zip(first).is_some_and(|(last, first)| last < first)
+    }
+
     /// The samples of a range.
     #[must_use]
     pub fn slice(&self, rows: std::ops::Range<usize>) -> Self {

@@ -3,7 +3,7 @@
 use std::cell::{Cell, OnceCell};
 
 use wheelwright_core::Dataset;
-use wheelwright_core::effect::{Effect, Scene, Stage};
+use wheelwright_core::effect::{Effect, Frame, Scene, Stage};
 use wheelwright_core::simulation::Readout;
 
 use crate::answer::{Means, Story, always, tell};
@@ -98,6 +98,10 @@ pub fn diagnose(question: &Question<'_>) -> Result<Diagnosis, DiagnosisError> {
     warnings.extend(another_track(question, likelier, asked, round, given));
     story.selected = story.search.modest(story.selected);
     story.selected = judged(question, &story.search, story.selected, &story.responses);
+    if let Some((prompt, late)) = story.search.prompt(&story.selected) {
+        story.selected = prompt;
+        warnings.push(format!("the robot is late by {} s beyond the model: no more than any drive is, and not counted", digits(late)));
+    }
     let told = clock::named(question, &story.search, &mut story.selected);
     let (selected, mut rests) = story.search.settled(story.selected);
     story.selected = selected;
@@ -413,17 +417,20 @@ fn check(question: &Question<'_>) -> Result<(), DiagnosisError> {
     }
 }
 
-/// The training data, or pieces spread evenly over it, with the headings that belong to them.
+/// The training data, or pieces spread evenly over it, with the headings that belong to them: of pieces, those that the whole of the data tells.
 fn thinned(question: &Question<'_>) -> (Dataset, Option<Vec<Vec<f64>>>) {
-    let (data, headings) = (question.training, question.training_headings.as_ref());
+    let data = question.training;
     if data.samples() <= MOST_ROWS {
-        return (data.clone(), headings.cloned());
+        return (data.clone(), question.training_headings.clone());
     }
+    let turned = || Scene::new(data, question.model, track::ORDINARY, None, None).tracks.into_iter().map(|track| track.heading).collect();
+    let told = matches!(Frame::of(question.model, track::ORDINARY), Frame::Body { .. });
+    let headings = question.training_headings.clone().or_else(|| told.then(turned));
     let share = MOST_ROWS as f64 / data.samples() as f64;
     // Pieces long against any lag of a robot, many enough to meet all that happened.
     let piece = MOST_ROWS / 8;
     let mut kept = Dataset { stretches: Vec::new(), ..data.clone() };
-    let mut kept_headings = headings.map(|_| Vec::new());
+    let mut kept_headings = headings.as_ref().map(|_| Vec::new());
     for (s, stretch) in data.stretches.iter().enumerate() {
         let count = stretch.len().div_ceil((piece as f64 / share) as usize).max(1);
         let length = ((stretch.len() as f64 * share) as usize / count).max(2);
@@ -431,7 +438,7 @@ fn thinned(question: &Question<'_>) -> (Dataset, Option<Vec<Vec<f64>>>) {
             let room = stretch.len() - length;
             let start = if count > 1 { room * i / (count - 1) } else { 0 };
             kept.stretches.push(stretch.slice(start..start + length));
-            if let (Some(kept), Some(all)) = (&mut kept_headings, headings.and_then(|h| h.get(s))) {
+            if let (Some(kept), Some(all)) = (&mut kept_headings, headings.as_ref().and_then(|h| h.get(s))) {
                 kept.push(all[start..start + length].to_vec());
             }
         }

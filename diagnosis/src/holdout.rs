@@ -201,7 +201,7 @@ pub(crate) fn mean(losses: &[Loss]) -> f64 {
 pub(crate) struct Runs<'a> {
     pub(crate) training: (&'a Dataset, &'a Series),
     pub(crate) held_out: (&'a Dataset, &'a Series),
-    pub(crate) noise: &'a [f64],
+    pub(crate) noise: &'a Noise,
     pub(crate) jitter: Option<Jitter>,
 }
 
@@ -209,29 +209,55 @@ impl Runs<'_> {
     /// The loss that noise alone leaves of each output of the other data: as on the training data, or by as much more as errors change more from
     /// sample to sample there. Motion that is missed goes on for longer; noise with heavy tails, and jitter at steps, are not as loud on every
     /// recording.
-    pub(crate) fn floor(&self) -> Vec<Loss> {
-        let of = |(data, run): (&Dataset, &Series)| quick(data, run, self.noise, self.jitter);
+    pub(crate) fn floor(&self) -> Vec<Floor> {
+        let deviation = &self.noise.deviation;
+        let of = |(data, run): (&Dataset, &Series)| quick(data, run, deviation, self.jitter);
         let louder = of(self.held_out).into_iter().zip(of(self.training)).map(|(there, here)| there.robust / here.robust);
-        let trained = losses(self.training.0, self.training.1, self.noise, self.jitter);
-        trained.iter().zip(louder).map(|(loss, louder)| loss.times(if louder.is_finite() { louder.max(1.0) } else { 1.0 })).collect()
+        let trained = losses(self.training.0, self.training.1, deviation, self.jitter);
+        let rows = [self.training.0.samples(), self.held_out.0.samples()];
+        let floor = |(c, (loss, louder)): (usize, (&Loss, f64))| Floor {
+            loss: loss.times(if louder.is_finite() { louder.max(1.0) } else { 1.0 }),
+            chance: rows.map(|rows| self.noise.scatter(c, rows)).into_iter().fold(0.0, f64::hypot),
+        };
+        trained.iter().zip(louder).enumerate().map(floor).collect()
     }
 }
 
 /// Weighs the outputs' losses on held-out data before and after against what noise alone leaves there. Of no output's excess may more stay than an
 /// explanation may leave over of the data it was fitted to, unless what stays is nothing that needs explaining. Shares are of squares, as a
 /// signal's energy is: by their size, of a misfit of ten deviations a hundredth of its energy is a tenth.
-pub(crate) fn transfer(before: &[Loss], after: &[Loss], floor: &[Loss]) -> Transfer {
+pub(crate) fn transfer(before: &[Loss], after: &[Loss], floor: &[Floor]) -> Transfer {
     let unhurt = mean(after) <= mean(before) * UNHURT;
-    let output = |((before, after), floor): ((&Loss, &Loss), &Loss)| {
-        let taken = || after.square - floor.square <= LEFT_OVER * (before.square - floor.square);
-        after.robust <= NEAR * floor.robust || (after.robust < before.robust && taken())
+    let output = |((before, after), floor): ((&Loss, &Loss), &Floor)| {
+        let taken = || after.square - floor.loss.square <= LEFT_OVER * (before.square - floor.loss.square);
+        after.robust <= floor.near() || (after.robust < before.robust && taken())
     };
     if unhurt && before.iter().zip(after).zip(floor).all(output) { Transfer::Holds } else { Transfer::Fails }
 }
 
 /// Whether held-out data are so far off that something moves there which the training data do not show.
-pub(crate) fn foreign(held_out: &[Loss], floor: &[Loss]) -> bool {
-    mean(held_out) > FOREIGN * mean(floor)
+pub(crate) fn foreign(held_out: &[Loss], floor: &[Floor]) -> bool {
+    mean(held_out) > FOREIGN * level(floor)
+}
+
+/// What noise alone leaves of an output.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Floor {
+    pub(crate) loss: Loss,
+    /// By how much of it that scatters by chance, as a standard deviation: slow noise is not as loud on every recording.
+    chance: f64,
+}
+
+impl Floor {
+    /// The loss up to which nothing needs explaining.
+    fn near(&self) -> f64 {
+        self.loss.robust * (1.0 + (NEAR - 1.0).hypot(SURE * self.chance))
+    }
+}
+
+/// The mean of the robust losses that noise alone leaves.
+pub(crate) fn level(floor: &[Floor]) -> f64 {
+    floor.iter().map(|floor| floor.loss.robust).sum::<f64>() / floor.len().max(1) as f64
 }
 
 /// How much of what an effect changes on held-out data, in which it had no part, is found there.
@@ -293,7 +319,8 @@ mod tests {
     #[test]
     fn an_explanation_transfers_if_it_takes_the_excess_away_or_there_is_none() {
         let both = |losses: [f64; 2]| losses.map(|loss| Loss { robust: loss, square: loss });
-        let weighed = |before: [f64; 2], after: [f64; 2]| transfer(&both(before), &both(after), &both([1.0, 1.0]));
+        let quiet = both([1.0, 1.0]).map(|loss| Floor { loss, chance: 0.0 });
+        let weighed = |before: [f64; 2], after: [f64; 2]| transfer(&both(before), &both(after), &quiet);
         let of = |before: f64, after: f64| weighed([before, 1.0], [after, 1.0]);
         assert_eq!(of(4.0, 1.1), Transfer::Holds, "the excess is gone");
         assert_eq!(of(4.0, 2.0), Transfer::Fails, "a third of it is still there");
@@ -304,14 +331,17 @@ mod tests {
         assert_eq!(of(0.7, 0.9), Transfer::Fails, "it has made one where it was quiet");
         assert_eq!(of(4.0, f64::INFINITY), Transfer::Fails, "it diverges");
         assert_eq!(weighed([40.0, 2.5], [1.0, 2.5]), Transfer::Fails, "one output is not explained");
-        let far = |held_out: [f64; 2]| foreign(&both(held_out), &both([1.0, 1.0]));
+        let far = |held_out: [f64; 2]| foreign(&both(held_out), &quiet);
         assert!(far([6.0, 1.0]) && !far([1.5, 1.0]));
         // A strong misfit counts by its energy: of ten deviations three, a tenth of it, are too much, and two, a thirtieth, are not.
         let energy = |after: f64| {
             let loss = |size: f64| Loss::of(&[1.0 + size, 1.0 - size]);
-            transfer(&[loss(10.0)], &[loss(after)], &[loss(0.0)])
+            transfer(&[loss(10.0)], &[loss(after)], &[Floor { loss: loss(0.0), chance: 0.0 }])
         };
         assert_eq!((energy(2.0), energy(3.0)), (Transfer::Holds, Transfer::Fails));
+        // Slow noise is twice as loud by chance.
+        let slow = quiet.map(|floor| Floor { chance: 0.4, ..floor });
+        assert_eq!([1.9, 2.5].map(|after| transfer(&both([2.0; 2]), &both([after; 2]), &slow)), [Transfer::Holds, Transfer::Fails]);
     }
 
     /// Held-out data asked about an effect that changes them by `size` standard deviations of their noise, and of which a share is there.
@@ -343,9 +373,10 @@ mod tests {
     #[test]
     fn noise_that_is_louder_on_other_data_is_no_motion_that_is_missed() {
         let trained = Case::clean(11);
+        let noise = Noise::white(&NOISE, &Layout::of(&trained.data, &trained.scene));
         let floor = |held: &Case| {
-            let runs = Runs { training: (&trained.data, &trained.truth), held_out: (&held.data, &held.truth), noise: &NOISE, jitter: None };
-            mean(&runs.floor()) / loss(&trained.data, &trained.truth, &NOISE, None)
+            let runs = Runs { training: (&trained.data, &trained.truth), held_out: (&held.data, &held.truth), noise: &noise, jitter: None };
+            level(&runs.floor()) / loss(&trained.data, &trained.truth, &NOISE, None)
         };
         let louder = Case::new(12, |_, i, y, _, random| y + 1.5 * NOISE[i] * normal(random));
         let expected = loss(&louder.data, &louder.truth, &NOISE, None) / loss(&trained.data, &trained.truth, &NOISE, None);

@@ -11,14 +11,15 @@
 //! So does the wider law of two, friction by direction and plain friction, that the training data hardly tell apart.
 //!
 //! An effect beside others goes if they do decisively better on the held-out data without it, or if these know nothing of what it changes
-//! there, whatever its evidence on the training data: it stood in for the imperfect form of the others there.
+//! there, whatever its evidence on the training data: it stood in for the imperfect form of the others there. So does one against which they say more
+//! than the training data say for it: what both say together is its evidence.
 
 use wheelwright_core::Dataset;
 use wheelwright_core::effect::Scene;
 
 use crate::adequacy::Jitter;
 use crate::answer::{MENTIONED, always, clocks, mentioned, proven};
-use crate::holdout::{Runs, loss, mean, shifted};
+use crate::holdout::{Runs, level, loss, shifted};
 use crate::leeway::{Court, Leeway, Moved};
 use crate::noise::Noise;
 use crate::question::Question;
@@ -39,6 +40,11 @@ pub(crate) fn judged(question: &Question<'_>, search: &Search<'_>, mut selected:
     }
     selected = exchanged(&bench, search, selected);
     while let Some(fewer) = bench.borne_out(search, &selected) {
+        selected = fewer;
+        search.exchange(&mut selected, first, Newest::Open);
+        selected = exchanged(&bench, search, selected);
+    }
+    while let Some(fewer) = bench.supported(search, &selected) {
         selected = fewer;
         search.exchange(&mut selected, first, Newest::Open);
         selected = exchanged(&bench, search, selected);
@@ -125,7 +131,7 @@ impl<'q> Bench<'q> {
         let mut bench = Self { question, held, noise: noise.clone(), jitter, floor: 0.0, values: share * held.samples() as f64 };
         let floor = |data: &Dataset, scene: &Scene| {
             let run = proven(search, &selected.state, data, scene).simulated;
-            mean(&Runs { training: (search.setting.data, &trained), held_out: (data, &run), noise: &noise.deviation, jitter }.floor())
+            level(&Runs { training: (search.setting.data, &trained), held_out: (data, &run), noise, jitter }.floor())
         };
         bench.floor = bench.likeliest(search, floor);
         Some(bench)
@@ -231,6 +237,22 @@ impl<'q> Bench<'q> {
         let unknown = |rest: &State| courts.iter().all(|c| c.refutes(rest, &proven(search, rest, c.data, c.scene).simulated));
         let (_, rest) = rests.iter().find(|(_, rest)| unknown(rest))?;
         search.only(selected, rest)
+    }
+
+    /// The selection without the member against which the held-out data say most, if that is more than the training data say for it, and not even with
+    /// leeway they ask for it. One that stands alone goes where hardly anything spoke for it; else the verdict says that it does not transfer.
+    fn supported(&self, search: &Search<'_>, selected: &Selected) -> Option<Selected> {
+        let members = search.fixed(selected)..selected.state.effects.len();
+        let (own, alone) = (self.loss(search, &selected.state), members.len() == 1);
+        let against = |member: usize| {
+            let rest = search.without(selected, member)?;
+            let worth = search.worth(selected, &rest);
+            let told = worth + self.values * (self.loss(search, &rest) / own).ln();
+            (told < 0.0 && !(alone && worth >= MENTIONED)).then_some((told, rest))
+        };
+        let (_, rest) = members.filter_map(against).min_by(|a, b| a.0.total_cmp(&b.0))?;
+        let asked_for = self.decisive(self.with_leeway(search, &selected.state), self.with_leeway(search, &rest));
+        if asked_for { None } else { search.only(selected, &rest) }
     }
 
     /// The selection without each of its members, and the loss on the held-out data that this leaves; least first. One that stands alone has

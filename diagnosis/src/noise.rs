@@ -59,6 +59,13 @@ impl Noise {
         (self.innovation[c] / self.deviation[c]).powi(2)
     }
 
+    /// The standard deviation of the mean square of so many values of an output, as a share of it. Noise that forgets exponentially, by ρ a sample, says
+    /// as much as (1 − ρ²)/(1 + ρ²) of them that are independent.
+    pub(crate) fn scatter(&self, c: usize, rows: usize) -> f64 {
+        let independent = self.independent(c).min(1.0);
+        (2.0 * (2.0 - independent) / (independent * rows.max(1) as f64)).sqrt()
+    }
+
     /// What so many values of each output cost twice a log-likelihood by the size of their innovations, on which whitened residuals are silent.
     pub(crate) fn scale(&self, rows: usize) -> f64 {
         self.innovation.iter().map(|s| 2.0 * rows as f64 * s.ln()).sum()
@@ -339,6 +346,20 @@ mod tests {
         // Weights take a little of the tails of a normal distribution.
         assert!((0.9..1.02).contains(&variance) && neighbour.abs() < 0.05, "{variance} {neighbour}");
         assert!((noise.deviation[0] / noise.innovation[0] - 1.0 / 0.6).abs() < 0.15, "{noise:?}", noise = noise.deviation);
+    }
+
+    #[test]
+    fn the_mean_square_of_slow_noise_scatters_more() {
+        let case = Case::clean(1);
+        let layout = Layout::of(&case.data, &case.scene);
+        for coefficient in [0.0, 0.6, 0.9] {
+            let all: Vec<f64> = (0..60).map(|seed| moments(&series(seed, coefficient, &layout)).0).collect();
+            let mean = all.iter().sum::<f64>() / 60.0;
+            let scatter = (all.iter().map(|x| (x / mean - 1.0).powi(2)).sum::<f64>() / 59.0).sqrt();
+            let noise = Noise::estimate(&series(99, coefficient, &layout), &layout, 0.0, &[1e-9; 2]);
+            let told = noise.scatter(0, layout.len());
+            assert!((scatter / told - 1.0).abs() < 0.25, "{coefficient}: {scatter} {told}");
+        }
     }
 
     #[test]

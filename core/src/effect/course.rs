@@ -6,12 +6,39 @@
 //! over pieces of the record are taken first: what returns with every turn of a wheel is neither, and takes it nowhere. How much of them is
 //! noise the quick changes of the record say: a misfit that jumps from piece to piece is no less motion for that.
 
+use crate::dataset::Stretch;
+
 /// Variances of the wander from mean to mean that are tried, as shares of that of their noise: from a level that stays to one that is the
 /// record itself.
 const WANDERS: [f64; 8] = [0.0, 1e-2, 1e-1, 1.0, 10.0, 100.0, 1e3, 1e4];
 
 /// Pieces of which means are taken.
 const PIECES: usize = 32;
+
+/// What has been covered at a rate, by trapezoids, in each stretch. From zero, or, behind a gap in a segment, from where the one before it ended and
+/// as far on as both its edges tell.
+pub(super) fn covered(stretches: &[Stretch], rates: impl Iterator<Item = Vec<f64>>) -> Vec<Vec<f64>> {
+    let mut all: Vec<Vec<f64>> = Vec::with_capacity(stretches.len());
+    let mut last: Option<(&Stretch, f64)> = None;
+    for (stretch, rate) in stretches.iter().zip(rates) {
+        let gap = |(before, rate_there): (&Stretch, f64)| {
+            let from = all.last().and_then(|covered| covered.last())?;
+            let step = stretch.time.first()? - before.time.last()?;
+            stretch.continues(before).then_some(from + 0.5 * (rate_there + rate.first()?) * step)
+        };
+        let mut sum = last.and_then(gap).unwrap_or(0.0);
+        let mut covered = Vec::with_capacity(rate.len());
+        for k in 0..rate.len() {
+            if k > 0 {
+                sum += 0.5 * (rate[k - 1] + rate[k]) * (stretch.time[k] - stretch.time[k - 1]);
+            }
+            covered.push(sum);
+        }
+        last = rate.last().map(|rate| (stretch, *rate));
+        all.push(covered);
+    }
+    all
+}
 
 /// The likeliest level of a series: that of means over pieces, and evenly from the middle of one to that of the next, so that each piece has its
 /// mean.
@@ -83,7 +110,7 @@ impl Filtered {
 
 #[cfg(test)]
 mod tests {
-    use super::level;
+    use super::{Stretch, covered, level};
 
     /// Numbers of zero mean that look like noise.
     fn noise(n: usize) -> Vec<f64> {
@@ -94,6 +121,20 @@ mod tests {
                 x - 0.5
             })
             .collect()
+    }
+
+    #[test]
+    fn a_course_goes_on_behind_a_gap_and_begins_anew_in_another_segment() {
+        let stretch = |label: &str, from: f64| Stretch {
+            label: label.to_owned(),
+            time: (0..3).map(|k| from + f64::from(k)).collect(),
+            inputs: Vec::new(),
+            outputs: Vec::new(),
+        };
+        let stretches = [stretch("a", 0.0), stretch("a+1", 4.0), stretch("b", 8.0)];
+        let course = covered(&stretches, [vec![1.0, 1.0, 2.0], vec![2.0; 3], vec![1.0; 3]].into_iter());
+        assert_eq!(course, [[0.0, 1.0, 2.5], [6.5, 8.5, 10.5], [0.0, 1.0, 2.0]]);
+        assert!(!stretches[0].continues(&stretches[1]) && !stretches[2].continues(&stretches[1]));
     }
 
     #[test]

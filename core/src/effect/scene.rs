@@ -66,7 +66,7 @@ pub struct Scene {
 
 impl Scene {
     /// The scene of a data set. `headings` are measured ones, one vector a stretch; without them they are integrated from the
-    /// measured angular velocity, from zero at each stretch's start.
+    /// measured angular velocity, from zero at each segment's start.
     pub fn new(
         data: &Dataset,
         model: &dyn RegressorModel,
@@ -96,20 +96,41 @@ impl Scene {
         if !self.frame.has_wheels() {
             return scene;
         }
-        for ((track, stretch), model) in scene.tracks.iter_mut().zip(&data.stretches).zip(simulated) {
-            let speeds = |outputs: &[Vec<f64>], k: usize| self.frame.wheels(&[outputs[0][k], outputs[1][k]]);
-            for (side, distance) in track.distance.iter_mut().enumerate() {
+        let speeds = |outputs: &[Vec<f64>], k: usize| self.frame.wheels(&[outputs[0][k], outputs[1][k]]);
+        for side in [0, 1] {
+            let rates = data.stretches.iter().zip(simulated).map(|(stretch, model)| {
                 let foreseen: Vec<f64> = (0..stretch.len()).map(|k| speeds(model, k)[side]).collect();
                 let misfit: Vec<f64> = (0..stretch.len()).map(|k| speeds(&stretch.outputs, k)[side] - foreseen[k]).collect();
-                let level = course::level(&misfit);
-                *distance = integral(&stretch.time, &|k| foreseen[k] + level[k]);
+                foreseen.iter().zip(course::level(&misfit)).map(|(foreseen, level)| foreseen + level).collect()
+            });
+            for (track, distance) in scene.tracks.iter_mut().zip(course::covered(&data.stretches, rates)) {
+                track.distance[side] = distance;
             }
         }
         scene
     }
 
     fn tracks_of(&self, data: &Dataset, headings: Option<&[Vec<f64>]>) -> Vec<Track> {
-        data.stretches.iter().enumerate().map(|(s, stretch)| self.track(stretch, headings.and_then(|h| h.get(s)))).collect()
+        let still = |stretch: &Stretch| Track { from_rest: self.from_rest(stretch), ..Track::default() };
+        let mut tracks: Vec<Track> = data.stretches.iter().map(still).collect();
+        if !self.frame.has_wheels() {
+            return tracks;
+        }
+        let covered = |rate: &dyn Fn(&[f64; 2]) -> f64| {
+            let rates = data.stretches.iter().map(|s| (0..s.len()).map(|k| rate(&[s.outputs[0][k], s.outputs[1][k]])).collect());
+            course::covered(&data.stretches, rates)
+        };
+        for (s, (track, turned)) in tracks.iter_mut().zip(covered(&|pair| self.frame.body(pair)[1])).enumerate() {
+            let measured = headings.and_then(|h| h.get(s));
+            track.headed = measured.and_then(|h| h.first()).is_some_and(|first| *first != 0.0);
+            track.heading = measured.cloned().unwrap_or(turned);
+        }
+        for side in [0, 1] {
+            for (track, distance) in tracks.iter_mut().zip(covered(&|pair| self.frame.wheels(pair)[side])) {
+                track.distance[side] = distance;
+            }
+        }
+        tracks
     }
 
     /// Whether the robot stands still when a stretch begins, by its first outputs.
@@ -117,34 +138,6 @@ impl Scene {
         let slow = |(values, typical): (&Vec<f64>, &f64)| values.first().is_some_and(|first| first.abs() < STANDING * typical);
         stretch.outputs.iter().zip(&self.scales.outputs).all(slow)
     }
-
-    fn track(&self, stretch: &Stretch, heading: Option<&Vec<f64>>) -> Track {
-        let from_rest = self.from_rest(stretch);
-        if !self.frame.has_wheels() {
-            return Track { from_rest, ..Track::default() };
-        }
-        let pair = |k: usize| [stretch.outputs[0][k], stretch.outputs[1][k]];
-        let integral = |of: &dyn Fn(usize) -> f64| integral(&stretch.time, of);
-        Track {
-            headed: heading.and_then(|h| h.first()).is_some_and(|first| *first != 0.0),
-            heading: heading.cloned().unwrap_or_else(|| integral(&|k| self.frame.body(&pair(k))[1])),
-            distance: [0, 1].map(|side| integral(&|k| self.frame.wheels(&pair(k))[side])),
-            from_rest,
-        }
-    }
-}
-
-/// Integral over the samples, from zero at the first.
-fn integral(time: &[f64], of: &dyn Fn(usize) -> f64) -> Vec<f64> {
-    let mut sum = 0.0;
-    (0..time.len())
-        .map(|k| {
-            if k > 0 {
-                sum += 0.5 * (of(k - 1) + of(k)) * (time[k] - time[k - 1]);
-            }
-            sum
-        })
-        .collect()
 }
 
 fn scales(data: &Dataset, frame: Frame) -> Scales {

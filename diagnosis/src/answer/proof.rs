@@ -75,6 +75,7 @@ impl Proven {
         // What was reached is possible.
         let ceiling = (0..noise.len()).map(|c| ground.ceiling(c, noise[c]).max(after.fit[c])).collect();
         let left = losses(&shifted, &before.simulated, noise, jitter);
+        let noise = &selected.whitening.noise;
         let runs = Runs { training: (question.training, &trained.simulated), held_out: (&shifted, &after.simulated), noise, jitter };
         let withouts: Vec<Option<(&State, Proof)>> = rests.iter().map(|r| r.as_ref().map(|r| (r, on(&shifted, &scene, r)))).collect();
         let there = There { search, selected, data: &shifted, scene: &scene, jitter, before: left, floor: runs.floor() };

@@ -5,7 +5,7 @@ use wheelwright_core::Dataset;
 use wheelwright_core::effect::Scene;
 
 use crate::adequacy::Jitter;
-use crate::holdout::{Loss, Transfer, foreign, losses, transfer};
+use crate::holdout::{Floor, Loss, Transfer, foreign, losses, transfer};
 use crate::leeway::{Court, Leeway};
 use crate::residuals::Series;
 use crate::select::{SHARE, Search, Selected, State};
@@ -26,7 +26,7 @@ pub(super) struct There<'t, 'a> {
     /// What the model leaves that the explanation is compared with.
     pub(super) before: Vec<Loss>,
     /// What noise alone leaves.
-    pub(super) floor: Vec<Loss>,
+    pub(super) floor: Vec<Floor>,
 }
 
 /// What they say of an explanation.

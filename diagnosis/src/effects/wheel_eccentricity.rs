@@ -31,10 +31,10 @@ pub enum Ripple {
 
 /// A ripple of the recorded speed once a turn of the wheel, in proportion to speed.
 ///
-/// The angle is that of the distance which the recording says the wheel has rolled, from zero at the start of each stretch: a
+/// The angle is that of the distance which the recording says the wheel has rolled, from zero at the start of each segment: a
 /// simulated distance would drift out of phase within a few turns. The radius is a parameter, for over fifty turns the phase needs it
-/// to half a percent, over more of them to less. Where a gap parts stretches, the wheel's angle behind it is not known, and one A and B
-/// serve them all: an eccentricity is found best in one long stretch.
+/// to half a percent, over more of them to less. Behind a gap the wheel's angle is as far on as both its edges tell, and of another segment it is not
+/// known, while one A and B serve them all: an eccentricity is found best in one long stretch.
 #[derive(Debug, Clone, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct WheelEccentricity {

@@ -9,6 +9,7 @@ mod contest;
 mod evidence;
 mod look;
 mod modest;
+mod prompt;
 mod refit;
 mod settle;
 

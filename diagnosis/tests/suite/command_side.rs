@@ -159,6 +159,25 @@ fn a_ramp_bounds_the_rate_of_each_axis() {
 }
 
 #[test]
+fn a_recording_may_begin_while_a_ramp_is_under_way() {
+    let (whole, ramp, rates) = (rig::body(), SlewLimit::default(), [0.2, 0.6]);
+    let run = whole.run(&[&ramp], &rates);
+    let mut worst: f64 = 0.0;
+    for cut in [160, 320, 480, 640] {
+        let mut rest = rig::body();
+        rest.data.stretches[0] = whole.stretch().slice(cut..whole.stretch().len());
+        rest.start = [run[0][cut], run[1][cut]];
+        rest.data.stretches[0].outputs = run.iter().map(|y| y[cut..].to_vec()).collect();
+        let from_there = rest.run(&[&ramp], &rates);
+        for (y, there) in run.iter().zip(&from_there) {
+            let (size, off) = (y.iter().fold(0.0, |a: f64, y| a.max(y.abs())), y[cut..].iter().zip(there).map(|(a, b)| (a - b).abs()));
+            worst = worst.max(off.fold(0.0, f64::max) / size);
+        }
+    }
+    assert!(worst < 0.2, "{worst}");
+}
+
+#[test]
 fn a_ramp_may_settle_on_its_goal() {
     let settling = SlewLimit { settling: true, ..SlewLimit::default() };
     for (forward, turn, time) in [(0.4, 1.3, 0.3), (3.0, 0.8, 0.1), (0.5, 9.0, 0.02)] {
