@@ -35,6 +35,16 @@ impl Stretch {
         segment(self) == segment(before) && last.zip(first).is_some_and(|(last, first)| last < first)
     }
 
+    /// The integral of a rate that has one value a sample, by trapezoids: at each sample, from zero at the first.
+    pub fn integral(&self, rate: &[f64]) -> Vec<f64> {
+        let steps = self.time.windows(2).zip(rate.windows(2));
+        let sums = steps.scan(0.0, |sum, (t, r)| {
+            *sum += 0.5 * (r[0] + r[1]) * (t[1] - t[0]);
+            Some(*sum)
+        });
+        self.time.first().map(|_| 0.0).into_iter().chain(sums).collect()
+    }
+
     /// The samples of a range.
     #[must_use]
     pub fn slice(&self, rows: std::ops::Range<usize>) -> Self {

@@ -98,7 +98,7 @@ fn clocks(question: &Question<'_>) -> Vec<Clock> {
     }
     let stretches = &question.training.stretches;
     let by_wheels = |rates: &Vec<[Vec<f64>; 2]>| {
-        let ways = stretches.iter().zip(rates).map(|(stretch, rates)| rates.iter().map(|rate| summed(stretch, rate)).collect());
+        let ways = stretches.iter().zip(rates).map(|(stretch, rates)| rates.iter().map(|rate| stretch.integral(rate)).collect());
         Clock { by: "the wheels' own rates", outputs: &[0, 1], independent: true, ways: ways.collect() }
     };
     let by_heading = |headings: &Vec<Vec<f64>>| Clock {
@@ -164,7 +164,7 @@ impl Clock {
             let [start, end] = [span.from, span.to].map(|row| stretch.time[row]);
             let turned = |way: &Vec<f64>| at(&stretch.time, way, end - by) - at(&stretch.time, way, start - by);
             let ways = &self.ways[span.stretch];
-            let told = summed(&stretch.slice(span.from..span.to + 1), &stretch.outputs[output][span.from..=span.to]);
+            let told = stretch.slice(span.from..span.to + 1).integral(&stretch.outputs[output][span.from..=span.to]);
             (Vector3::new(ways.first().map_or(0.0, turned), ways.get(1).map_or(0.0, turned), end - start), told[told.len() - 1])
         };
         let rows: Vec<(Vector3<f64>, f64)> = spans.iter().map(row).collect();
@@ -182,25 +182,14 @@ struct Span {
     to: usize,
 }
 
-/// A rate summed up from a stretch's start, by trapezoids.
-fn summed(stretch: &Stretch, rate: &[f64]) -> Vec<f64> {
-    let mut sum = 0.0;
-    let steps = stretch.time.windows(2).zip(rate.windows(2));
-    let sums = steps.map(|(t, r)| {
-        sum += 0.5 * (r[0] + r[1]) * (t[1] - t[0]);
-        sum
-    });
-    std::iter::once(0.0).chain(sums.collect::<Vec<_>>()).collect()
-}
-
 /// A heading without its jumps of a whole turn.
 fn unwrapped(heading: &[f64]) -> Vec<f64> {
-    let mut angle = heading.first().copied().unwrap_or(0.0);
-    let steps = heading.windows(2).map(|pair| {
-        angle += wrapped(pair[1] - pair[0]);
-        angle
+    let first = heading.first().copied();
+    let angles = heading.windows(2).scan(first.unwrap_or(0.0), |angle, pair| {
+        *angle += wrapped(pair[1] - pair[0]);
+        Some(*angle)
     });
-    heading.first().copied().into_iter().chain(steps.collect::<Vec<_>>()).collect()
+    first.into_iter().chain(angles).collect()
 }
 
 /// A series at a time, straight between samples.
@@ -268,7 +257,7 @@ mod tests {
         let case = late();
         let heading = |earlier: usize| -> Vec<Vec<f64>> {
             let of = |stretch: &Stretch| {
-                let turned = summed(stretch, &stretch.outputs[1]);
+                let turned = stretch.integral(&stretch.outputs[1]);
                 (0..turned.len()).map(|k| wrapped(turned[(k + earlier).min(turned.len() - 1)] + 3.0)).collect()
             };
             case.data.stretches.iter().map(of).collect()

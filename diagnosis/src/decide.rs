@@ -2,12 +2,16 @@
 
 use wheelwright_core::effect::{Effect, Estimate, Scene};
 
-use crate::finding::{Finding, FoundParameter, Verdict, settings};
+use crate::effects::{LATENESS, digits};
+use crate::finding::{Alternative, Finding, FoundParameter, Verdict, settings};
 use crate::holdout::Transfer;
 use crate::residuals::Flag;
 
 /// Share of the misfit that may be left over by a test without a library before an explanation is only a part of one.
 pub(crate) const LEFT_OVER: f64 = 0.08;
+
+/// How far what counts are late by may be from half an interval, as a share of that: other laws take some of it up.
+const HALF: f64 = 0.2;
 
 /// What is said where only held-out data show a mismatch.
 const FOREIGN: &str = "the held-out recording shows motion that the model misses and the training recording does not show; diagnose that \
@@ -61,6 +65,7 @@ pub(crate) fn decide(weighed: Weighed<'_>) -> Decided {
             findings.extend(of_noise(name, values, flag, effects, scene));
         }
     }
+    of_counts(&mut findings, &flags, effects, scene);
     // Wheels that slide make a track look wider.
     findings.extend(track.filter(|_| !findings.iter().any(|f| SLIDES.contains(&f.name.as_str()))));
     warnings.extend(left.iter().map(|f| f.statement.clone()));
@@ -86,6 +91,25 @@ pub(crate) fn decide(weighed: Weighed<'_>) -> Decided {
     let headline = headline(verdict, &findings, &left);
     let (effects, partial) = if verdict == Verdict::Unexplained { (Vec::new(), findings) } else { (findings, Vec::new()) };
     Decided { verdict, headline, effects, partial, warnings }
+}
+
+/// Counts that are differenced over the sampling interval are late by half of it: where the outputs were read at their time, what was found of that
+/// is theirs.
+fn of_counts(findings: &mut Vec<Finding>, flags: &[Flag], effects: &[Box<dyn Effect>], scene: &Scene) {
+    let tested = |test: &str| flags.iter().find(|flag| flag.test == test);
+    let Some((counts, _)) = tested("counts of the wheels").and_then(|flag| flag.effect.as_ref()) else { return };
+    if tested("means over the interval").is_some() {
+        return;
+    }
+    let half = 0.5 * scene.scales.period;
+    let is_late = |f: &Finding| effects.iter().any(|e| e.name() == f.name && e.family() == LATENESS);
+    let by_half = |f: &Finding| f.parameters.iter().filter(|p| p.unit == "s").all(|p| (p.value - half).abs() < HALF * half);
+    let Some(at) = findings.iter().position(|f| is_late(f) && by_half(f)) else { return };
+    let late = findings.remove(at);
+    let because =
+        format!("always, but for what is faster than the samples: differences of counts are late by half an interval, {} s", digits(half));
+    let alternative = Alternative { name: late.name, gap: 0.0, because, always: true, open: false };
+    findings.iter_mut().filter(|f| f.name == *counts).for_each(|f| f.alternatives.push(alternative.clone()));
 }
 
 /// A finding of an effect that acts on the noise.
@@ -137,26 +161,31 @@ fn headline(verdict: Verdict, findings: &[Finding], left: &[&Flag]) -> String {
 #[cfg(test)]
 mod tests {
     use wheelwright_core::ModelConfig;
+    use wheelwright_core::effect::Place;
     use wheelwright_models::VwPdConfig;
 
     use super::*;
-    use crate::effects::TimestampJitter;
+    use crate::effects::{ActuatorLag, library};
     use crate::fixture::{Case, TRACK};
 
     /// The decision where nothing was found, with what else weighs.
     fn decided(foreign: bool, transfer: Transfer, flags: Vec<Flag>) -> Decided {
+        with(Vec::new(), foreign, transfer, flags)
+    }
+
+    fn with(findings: Vec<Finding>, foreign: bool, transfer: Transfer, flags: Vec<Flag>) -> Decided {
         let model = VwPdConfig::default().build().expect("the model has defaults");
         let case = Case::clean(1);
         let scene = Scene::new(&case.data, &*model, TRACK, None, None);
         decide(Weighed {
-            findings: Vec::new(),
+            findings,
             track: None,
             flags,
             transfer,
             unseen: None,
             foreign,
             warnings: Vec::new(),
-            effects: &[Box::new(TimestampJitter::default()) as Box<dyn Effect>],
+            effects: &library(),
             scene: &scene,
         })
     }
@@ -167,6 +196,44 @@ mod tests {
         let foreign = decided(true, Transfer::Fails, Vec::new());
         assert_eq!(foreign.verdict, Verdict::Unexplained);
         assert!(foreign.headline.contains("held-out") && foreign.warnings.len() == 1, "{}", foreign.headline);
+    }
+
+    #[test]
+    fn what_is_late_by_half_a_sample_is_the_counting_that_was_seen() {
+        let counts = |test| Flag {
+            test,
+            value: 0.5,
+            threshold: 0.1,
+            left_over: None,
+            statement: "the wheels' speeds come in counts".to_owned(),
+            effect: Some(("encoder_quantisation".to_owned(), vec![0.001])),
+            instead: Vec::new(),
+        };
+        let late = |time: f64| Finding {
+            name: "actuator_lag".to_owned(),
+            place: Place::Command,
+            statement: String::new(),
+            parameters: vec![FoundParameter {
+                name: "time_constant".to_owned(),
+                value: time,
+                ci95: None,
+                unit: "s".to_owned(),
+                label: None,
+            }],
+            values: vec![time],
+            settings: settings(&ActuatorLag::default()),
+            delta_bic: 100.0,
+            holdout_gain: None,
+            alternatives: Vec::new(),
+        };
+        // Samples are 50 ms apart.
+        let names = |time: f64, tests: &[&'static str]| -> Vec<String> {
+            let flags = tests.iter().map(|test| counts(test)).collect();
+            with(vec![late(time)], false, Transfer::Holds, flags).effects.into_iter().map(|f| f.name).collect()
+        };
+        assert_eq!(names(0.027, &["counts of the wheels"]), ["encoder_quantisation"]);
+        assert_eq!(names(0.05, &["counts of the wheels"]), ["actuator_lag", "encoder_quantisation"]);
+        assert_eq!(names(0.027, &["means over the interval", "counts of the wheels"]), ["actuator_lag", "encoder_quantisation"]);
     }
 
     #[test]

@@ -464,3 +464,30 @@ impl Story<'_> {
         self.search.own_evidence(&self.selected)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
+
+    use wheelwright_core::{ModelConfig, Stretch};
+    use wheelwright_models::VwPdConfig;
+
+    use super::*;
+
+    #[test]
+    fn pieces_of_a_long_recording_head_where_the_whole_of_it_does() {
+        let model = VwPdConfig::default().build().unwrap();
+        let time: Vec<f64> = (0..9000).map(|k| 0.01 * f64::from(k)).collect();
+        let turning: Vec<f64> = time.iter().map(|t| 1.0 + (0.7 * t).sin()).collect();
+        let outputs = vec![vec![0.3; time.len()], turning];
+        let stretch = Stretch { label: "0".to_owned(), time, inputs: outputs.clone(), outputs };
+        let data = Dataset { inputs: model.inputs().to_vec(), outputs: model.outputs().to_vec(), stretches: vec![stretch] };
+        let (pieces, headings) = thinned(&Question::new(&*model, &data, &[]));
+        let whole = Scene::new(&data, &*model, track::ORDINARY, None, None).tracks.remove(0).heading;
+        assert!(pieces.stretches.len() > 1 && pieces.samples() <= MOST_ROWS);
+        for (piece, heading) in pieces.stretches.iter().zip(headings.unwrap()) {
+            let first = (piece.time[0] / 0.01).round() as usize;
+            assert_eq!(heading, whole[first..first + piece.len()]);
+        }
+    }
+}

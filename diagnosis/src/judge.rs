@@ -296,8 +296,38 @@ mod tests {
     use wheelwright_models::VwPdConfig;
 
     use super::*;
-    use crate::effects::CoulombFriction;
+    use crate::effects::{CoulombFriction, QuadraticDrag};
     use crate::fixture::{Case, NOISE, normal, with_selected};
+
+    #[test]
+    fn what_hardly_anything_spoke_for_goes_where_other_data_speak_against_it() {
+        let library: Vec<Box<dyn Effect>> = vec![Box::new(QuadraticDrag::default())];
+        let with =
+            |seed: u64, drag: f64| Case::new(seed, move |_, i, y, _, random| y - [drag, 0.0][i] * y * y.abs() + NOISE[i] * normal(random));
+        let mut seen = 0;
+        for k in 0..24 {
+            let drag = 0.002 * f64::from(k);
+            let training = with(5, drag);
+            with_selected(&training, &library, 1, |search, selected| {
+                let worth = search.rests(&selected)[0].as_ref().map_or(f64::NAN, |rest| search.worth(&selected, rest));
+                if !(0.0..MENTIONED).contains(&worth) {
+                    return;
+                }
+                seen += 1;
+                let model = VwPdConfig::default().build().unwrap();
+                let held = with(6, drag);
+                let question = Question { held_out: Some(&held.data), ..Question::new(&*model, &training.data, &library) };
+                let goes = |off: f64| {
+                    let mut told = selected.clone();
+                    told.state.fit.point.x[search.setting.free()] += off;
+                    Bench::new(&question, search, &told).unwrap().supported(search, &told).is_some()
+                };
+                // Of a size that the other data do not know, and of the right one.
+                assert_eq!([goes(0.2), goes(0.0)], [true, false], "{drag}: {worth}");
+            });
+        }
+        assert!(seen > 0);
+    }
 
     #[test]
     fn one_that_stands_alone_may_go_where_stamps_jitter() {

@@ -26,14 +26,8 @@ pub(super) fn covered(stretches: &[Stretch], rates: impl Iterator<Item = Vec<f64
             let step = stretch.time.first()? - before.time.last()?;
             stretch.continues(before).then_some(from + 0.5 * (rate_there + rate.first()?) * step)
         };
-        let mut sum = last.and_then(gap).unwrap_or(0.0);
-        let mut covered = Vec::with_capacity(rate.len());
-        for k in 0..rate.len() {
-            if k > 0 {
-                sum += 0.5 * (rate[k - 1] + rate[k]) * (stretch.time[k] - stretch.time[k - 1]);
-            }
-            covered.push(sum);
-        }
+        let from = last.and_then(gap).unwrap_or(0.0);
+        let covered = stretch.integral(&rate).into_iter().map(|way| from + way).collect();
         last = rate.last().map(|rate| (stretch, *rate));
         all.push(covered);
     }

@@ -79,6 +79,11 @@ pub fn review(residuals: &Residuals<'_>, scene: &Scene, explained: &Explained<'_
 /// Share of the noise's variance that rounding to a lattice, quantum²/12, must make before it counts as something left out.
 const QUANTISED: f64 = 0.1;
 
+/// Timers of ordinary systems tick at a millisecond: stamps that they set are off by as much \[s\].
+const TICK: f64 = 1e-3;
+/// Share of the sampling interval up to which that is no mismatch.
+const UNEVEN: f64 = 0.05;
+
 /// One flag a test that found something.
 fn flags(found: &Adequacy, comparison: &Comparison<'_>, explained: f64) -> Vec<Flag> {
     let sentences = found.sentences(comparison);
@@ -109,7 +114,8 @@ fn flags(found: &Adequacy, comparison: &Comparison<'_>, explained: f64) -> Vec<F
     }
     if let Some(jitter) = &found.jitter {
         // Messages that are late by chance are late, which has a name already.
-        let effect = (jitter.of == Scatter::Stamps).then(|| ("timestamp_jitter".to_owned(), vec![jitter.deviation]));
+        let ordinary = jitter.deviation < TICK.min(UNEVEN * comparison.scene.scales.period);
+        let effect = (jitter.of == Scatter::Stamps && !ordinary).then(|| ("timestamp_jitter".to_owned(), vec![jitter.deviation]));
         flag("variance against acceleration", jitter.z, 0.0, None, effect);
     }
     for lattice in &found.lattices {
@@ -127,4 +133,21 @@ fn flags(found: &Adequacy, comparison: &Comparison<'_>, explained: f64) -> Vec<F
         flag("coarse readout", found.coarse.iter().map(|coarse| coarse.gain).sum(), 0.0, None, effect);
     }
     all
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::fixture::{Case, NOISE, normal};
+
+    #[test]
+    fn stamps_that_are_off_by_what_any_timer_is_are_no_mismatch() {
+        for (deviation, named) in [(0.0008, false), (0.003, true)] {
+            let mut case = Case::new(4, |_, i, y, slope, random| y + 0.05 * NOISE[i] * normal(random) + deviation * slope * normal(random));
+            case.noise = NOISE.map(|noise| 0.05 * noise);
+            let told = case.compare(None, |comparison| flags(&examine(comparison, 1), comparison, 0.0));
+            let jitter = told.into_iter().find(|flag| flag.test == "variance against acceleration");
+            assert_eq!(jitter.map(|flag| flag.effect.is_some()), Some(named), "{deviation}");
+        }
+    }
 }
