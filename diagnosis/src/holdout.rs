@@ -133,7 +133,7 @@ const NEAR: f64 = 1.15 * 1.15;
 /// Ratio of losses beyond which held-out data show motion that training data lack, where errors of parameters make up to a half more.
 const FOREIGN: f64 = 3.0;
 /// Ratio of losses after and before up to which an explanation of which there is nothing to see has done no harm.
-const UNHURT: f64 = 1.02;
+pub(crate) const UNHURT: f64 = 1.02;
 /// What an effect has to change on held-out data, as a sum of squares in units of the noise, for them to say anything of it.
 const VISIBLE: f64 = 10.0;
 /// Standard errors that make sure.

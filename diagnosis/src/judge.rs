@@ -19,7 +19,7 @@ use wheelwright_core::effect::Scene;
 
 use crate::adequacy::Jitter;
 use crate::answer::{MENTIONED, always, clocks, mentioned, proven};
-use crate::holdout::{Runs, level, loss, shifted};
+use crate::holdout::{Runs, UNHURT, level, loss, shifted};
 use crate::leeway::{Court, Leeway, Moved};
 use crate::noise::Noise;
 use crate::question::Question;
@@ -240,15 +240,16 @@ impl<'q> Bench<'q> {
     }
 
     /// The selection without the member against which the held-out data say most, if that is more than the training data say for it, and not even with
-    /// leeway they ask for it. One that stands alone goes where hardly anything spoke for it; else the verdict says that it does not transfer.
+    /// leeway they ask for it. One that stands alone stays where it hurts so much there that the verdict says that it does not transfer.
     fn supported(&self, search: &Search<'_>, selected: &Selected) -> Option<Selected> {
         let members = search.fixed(selected)..selected.state.effects.len();
         let (own, alone) = (self.loss(search, &selected.state), members.len() == 1);
         let against = |member: usize| {
             let rest = search.without(selected, member)?;
             let worth = search.worth(selected, &rest);
-            let told = worth + self.values * (self.loss(search, &rest) / own).ln();
-            (told < 0.0 && !(alone && worth >= MENTIONED)).then_some((told, rest))
+            let without = self.loss(search, &rest);
+            let told = worth + self.values * (without / own).ln();
+            (told < 0.0 && !(alone && own > UNHURT * without)).then_some((told, rest))
         };
         let (_, rest) = members.filter_map(against).min_by(|a, b| a.0.total_cmp(&b.0))?;
         let asked_for = self.decisive(self.with_leeway(search, &selected.state), self.with_leeway(search, &rest));
@@ -322,8 +323,8 @@ mod tests {
                     told.state.fit.point.x[search.setting.free()] += off;
                     Bench::new(&question, search, &told).unwrap().supported(search, &told).is_some()
                 };
-                // Of a size that the other data do not know, and of the right one.
-                assert_eq!([goes(0.2), goes(0.0)], [true, false], "{drag}: {worth}");
+                // Of a size that the other data do not know, of the right one, and of one that fails there altogether.
+                assert_eq!([-0.009, 0.0, 0.5].map(goes), [true, false, false], "{drag}: {worth}");
             });
         }
         assert!(seen > 0);
