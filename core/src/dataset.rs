@@ -2,7 +2,7 @@
 
 use crate::channel::Channel;
 use crate::model::RegressorModel;
-use crate::recording::{Recording, RecordingError};
+use crate::recording::{Recording, RecordingError, segment_label};
 
 /// Inputs and outputs of a model over one unbroken stretch of time.
 #[derive(Debug, Clone, PartialEq)]
@@ -30,9 +30,8 @@ impl Stretch {
 
     /// Whether this goes on with the segment that another one is the part before of: nothing but time passed between them.
     pub fn continues(&self, before: &Self) -> bool {
-        let segment = |stretch: &Self| stretch.label.split('+').next().map(str::to_owned);
         let (last, first) = (before.time.last(), self.time.first());
-        segment(self) == segment(before) && last.zip(first).is_some_and(|(last, first)| last < first)
+        segment_label(&self.label) == segment_label(&before.label) && last.zip(first).is_some_and(|(last, first)| last < first)
     }
 
     /// The integral of a rate that has one value a sample, by trapezoids: at each sample, from zero at the first.

@@ -293,8 +293,16 @@ impl Recording {
     }
 }
 
+/// What parts the label of a segment from the number of a part of it.
+const PART: char = '+';
+
 fn part_label(label: &str, part: usize) -> String {
-    if part == 0 { label.to_owned() } else { format!("{label}+{part}") }
+    if part == 0 { label.to_owned() } else { format!("{label}{PART}{part}") }
+}
+
+/// The label of the segment that a part is of.
+pub(crate) fn segment_label(label: &str) -> Option<&str> {
+    label.split(PART).next()
 }
 
 fn check_finite(name: &str, values: &[f64]) -> Result<(), RecordingError> {

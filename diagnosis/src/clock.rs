@@ -127,20 +127,17 @@ impl Clock {
 
     /// What is late by one output: nothing where it cannot tell all of the delay from none; `Some(None)` where neither is the case.
     fn of_output(&self, question: &Question<'_>, output: usize, delay: f64) -> Option<Option<Late>> {
+        let moved: Vec<Vec<f64>> = question.training.stretches.iter().map(|s| s.integral(&s.outputs[output])).collect();
         let spans: Vec<Span> = blocks(question.training, SPAN)
             .into_iter()
             .filter_map(|(s, rows)| {
                 let (stretch, start) = (&question.training.stretches[s], rows.start);
                 let inside = rows.end < stretch.len() && stretch.time[start] - SHARES[SHARES.len() - 1] * delay >= stretch.time[0];
-                inside.then_some(Span { stretch: s, from: start, to: rows.end })
+                inside.then(|| Span { stretch: s, from: start, to: rows.end, moved: moved[s][rows.end] - moved[s][start] })
             })
             .collect();
-        let (all, left): (Vec<f64>, Vec<f64>) = SHARES
-            .map(|share| self.left(question, &spans, output, share * delay))
-            .into_iter()
-            .collect::<Option<Vec<_>>>()?
-            .into_iter()
-            .unzip();
+        let (all, left): (Vec<f64>, Vec<f64>) =
+            SHARES.map(|share| self.left(question, &spans, share * delay)).into_iter().collect::<Option<Vec<_>>>()?.into_iter().unzip();
         let likelihood = |k: usize| -(spans.len() as f64) * left[k].ln();
         let differ = |a: usize, b: usize| likelihood(a) > likelihood(b) + DECISIVE;
         if !differ(NONE, ALL) && !differ(ALL, NONE) {
@@ -155,7 +152,7 @@ impl Clock {
     }
 
     /// Sums of squares of an output's motion over spans, and of what of it this clock, so much earlier, does not tell.
-    fn left(&self, question: &Question<'_>, spans: &[Span], output: usize, by: f64) -> Option<(f64, f64)> {
+    fn left(&self, question: &Question<'_>, spans: &[Span], by: f64) -> Option<(f64, f64)> {
         if spans.len() < FEWEST {
             return None;
         }
@@ -164,8 +161,7 @@ impl Clock {
             let [start, end] = [span.from, span.to].map(|row| stretch.time[row]);
             let turned = |way: &Vec<f64>| at(&stretch.time, way, end - by) - at(&stretch.time, way, start - by);
             let ways = &self.ways[span.stretch];
-            let told = stretch.slice(span.from..span.to + 1).integral(&stretch.outputs[output][span.from..=span.to]);
-            (Vector3::new(ways.first().map_or(0.0, turned), ways.get(1).map_or(0.0, turned), end - start), told[told.len() - 1])
+            (Vector3::new(ways.first().map_or(0.0, turned), ways.get(1).map_or(0.0, turned), end - start), span.moved)
         };
         let rows: Vec<(Vector3<f64>, f64)> = spans.iter().map(row).collect();
         let (square, right) = rows.iter().fold((Matrix3::zeros(), Vector3::zeros()), |(a, b), (x, y)| (a + x * x.transpose(), b + x * *y));
@@ -180,6 +176,8 @@ struct Span {
     stretch: usize,
     from: usize,
     to: usize,
+    /// What an output covers in it.
+    moved: f64,
 }
 
 /// A heading without its jumps of a whole turn.

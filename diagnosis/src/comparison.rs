@@ -1,13 +1,23 @@
 //! A data set beside simulations of it: what the tests that need no library, and the search for where it hurts, look at.
 
 use nalgebra::DMatrix;
-use wheelwright_core::Dataset;
 use wheelwright_core::effect::Scene;
+use wheelwright_core::model::ModelError;
+use wheelwright_core::simulation::linear_part;
+use wheelwright_core::{Dataset, RegressorModel};
 
 /// An angle between −π and π.
 pub(crate) fn wrapped(angle: f64) -> f64 {
     let turn = std::f64::consts::TAU;
     angle - turn * (angle / turn).round()
+}
+
+/// Rate \[1/s\] at which each output of a model forgets, by its linear part.
+pub(crate) fn rates(model: &dyn RegressorModel, theta: &[f64]) -> Result<Vec<f64>, ModelError> {
+    let outputs = model.outputs().len();
+    let mut linear = vec![0.0; outputs * outputs];
+    linear_part(model, theta, &mut linear)?;
+    Ok((0..outputs).map(|i| -linear[i * outputs + i]).collect())
 }
 
 /// One series an output.

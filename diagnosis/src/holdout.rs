@@ -257,7 +257,7 @@ impl Floor {
 
 /// The mean of the robust losses that noise alone leaves.
 pub(crate) fn level(floor: &[Floor]) -> f64 {
-    floor.iter().map(|floor| floor.loss.robust).sum::<f64>() / floor.len().max(1) as f64
+    mean(&floor.iter().map(|floor| floor.loss).collect::<Vec<_>>())
 }
 
 /// How much of what an effect changes on held-out data, in which it had no part, is found there.

@@ -3,10 +3,9 @@
 use nalgebra::DMatrix;
 use wheelwright_core::effect::Scene;
 use wheelwright_core::model::ModelError;
-use wheelwright_core::simulation::linear_part;
 
 use super::{Adequacy, Scatter, examine, memory, structure};
-use crate::comparison::{Channels, Comparison};
+use crate::comparison::{Channels, Comparison, rates};
 use crate::finding::Location;
 use crate::locate::locate;
 use crate::residuals::{Flag, Residuals, Series};
@@ -29,9 +28,7 @@ pub struct Explained<'a> {
 /// [`ModelError`] if the model cannot be evaluated at the fitted parameters.
 pub fn review(residuals: &Residuals<'_>, scene: &Scene, explained: &Explained<'_>, seed: u64) -> Result<(Vec<Flag>, Location), ModelError> {
     let outputs = residuals.data.outputs.len();
-    let mut linear = vec![0.0; outputs * outputs];
-    linear_part(residuals.model, &residuals.theta_final, &mut linear)?;
-    let rates: Vec<f64> = (0..outputs).map(|i| -linear[i * outputs + i]).collect();
+    let rates = rates(residuals.model, &residuals.theta_final)?;
     let noise = &residuals.noise;
     // Each output by its own past: the tests take one output after the other.
     let whiten = |output: usize, series: &mut [f64]| noise.whiten_output(output, series);

@@ -3,9 +3,9 @@
 //! A model of first order leaves out the loops of the firmware, which hold their output for a period, the motors' windings, and tyres, which creep:
 //! each makes a robot late by some milliseconds, which enough data show, and which nobody would look for.
 
-use wheelwright_core::simulation::linear_part;
-
+use super::settle::others;
 use super::{Search, Selected, State};
+use crate::comparison::rates;
 use crate::effects::LATENESS;
 use crate::fit::setting::Setting;
 
@@ -23,9 +23,7 @@ impl Search<'_> {
             |member: usize| self.lateness(&selected.state, member).filter(|late| *late < HELD.min(PROMPT * self.slowest(&selected.state)));
         let (member, late) = (self.fixed(selected)..selected.state.effects.len()).find_map(|member| Some((member, usual(member)?)))?;
         let fewer = self.only(selected, &self.without(selected, member)?)?;
-        let mut rivals = selected.rivals.clone();
-        rivals.resize(selected.state.effects.len(), Vec::new());
-        rivals.remove(member);
+        let (_, rivals) = others(selected, member);
         Some((Selected { rivals, ..fewer }, late))
     }
 
@@ -40,14 +38,8 @@ impl Search<'_> {
     /// The longest time constant of the model's outputs \[s\]; none where it has none.
     fn slowest(&self, state: &State) -> f64 {
         let Setting { model, map, .. } = &self.setting;
-        let outputs = model.outputs().len();
-        let mut linear = vec![0.0; outputs * outputs];
-        let theta = map.theta(&state.fit.point.x[..self.setting.free()]);
-        if linear_part(*model, &theta, &mut linear).is_err() {
-            return 0.0;
-        }
-        let rates = (0..outputs).map(|i| -linear[i * outputs + i]);
-        rates.filter(|rate| *rate > 0.0).map(f64::recip).fold(0.0, f64::max)
+        let rates = rates(*model, &map.theta(&state.fit.point.x[..self.setting.free()])).unwrap_or_default();
+        rates.into_iter().filter(|rate| *rate > 0.0).map(f64::recip).fold(0.0, f64::max)
     }
 }
 

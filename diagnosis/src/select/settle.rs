@@ -9,7 +9,7 @@ use crate::race::Refined;
 use crate::screen::Response;
 
 /// A member's rivals, and those of the others.
-fn others(selected: &Selected, member: usize) -> (Vec<Rival>, Vec<Vec<Rival>>) {
+pub(super) fn others(selected: &Selected, member: usize) -> (Vec<Rival>, Vec<Vec<Rival>>) {
     let mut rivals = selected.rivals.clone();
     rivals.resize(selected.state.effects.len(), Vec::new());
     (rivals.remove(member), rivals)
