@@ -25,6 +25,7 @@ use crate::round::{come_round, in_line};
 use crate::screen::{Response, saturate};
 use crate::select::{EXCHANGE, FINAL, SHARE, Search, Selected, State};
 use crate::track;
+use crate::unrounded::{step, unrounded};
 
 /// Fewest values a parameter that are needed for a noise model to mean anything.
 const FEWEST: usize = 10;
@@ -50,6 +51,15 @@ pub(crate) type Known = (Box<dyn Effect>, f64);
 /// [`DiagnosisError`]: what makes an answer impossible, with numbers.
 pub fn diagnose(question: &Question<'_>) -> Result<Diagnosis, DiagnosisError> {
     check(question)?;
+    let first = answer(question, None)?;
+    match unrounded(question.training, &first.training.after) {
+        Some(read) => answer(question, Some(&read)),
+        None => Ok(first),
+    }
+}
+
+/// The answer to a question; `read` are its training data as they are taken, if that is not as they were recorded.
+fn answer(question: &Question<'_>, read: Option<&Dataset>) -> Result<Diagnosis, DiagnosisError> {
     let mut warnings = Vec::new();
     let told = dimensions(question).map(|told| measured(question, &told, &mut warnings));
     let question = told.as_ref().unwrap_or(question);
@@ -64,7 +74,14 @@ pub fn diagnose(question: &Question<'_>) -> Result<Diagnosis, DiagnosisError> {
     let scene = |wheels: Wheels| Scene::new(&data, question.model, wheels.track_width, wheels.radius, headings.as_deref());
     let ordinary = Wheels { radius: question.wheel_radius, track_width: question.track_width.unwrap_or(track::ORDINARY) };
     let (first, fitting, courses) = (scene(ordinary), [const { OnceCell::new() }; 4], [const { OnceCell::new() }; 7]);
-    let begin = |scene, course| surroundings(setting(question, &data, scene, Readout::Instantaneous), question, course);
+    let read = read.map(|training| thinned(&Question { training, ..question.clone() }).0);
+    let begin = |scene, course| {
+        let mut setting = setting(question, &data, scene, Readout::Instantaneous);
+        if let Some(read) = &read {
+            setting.measured = setting.layout.flat(read);
+        }
+        surroundings(setting, question, course)
+    };
     let mut start = begin(&first, &courses[0])?;
     let mut shown = wheels_shown(question, &start, headings.as_deref());
     if let Some(wheels) = shown {
@@ -109,6 +126,7 @@ pub fn diagnose(question: &Question<'_>) -> Result<Diagnosis, DiagnosisError> {
         rests = story.search.rests(&wider);
         story.selected = wider;
     }
+    story.selected = story.search.told(story.selected);
     story.search.twinned(&mut story.selected, &rests);
     if let Some(told) = told {
         told.exclude(&story.search, &mut story.selected);
@@ -190,6 +208,7 @@ fn other_readout<'a>(
         return Ok(story);
     }
     let mut other = setting(question, data, scene, Readout::IntervalMean);
+    other.measured.clone_from(&story.search.setting.measured);
     let Ok(base) = fit(&mut other, question) else { return Ok(story) };
     // Speeds that come in whole counts of the wheels say themselves that counts are differenced.
     let counted = story.search.counted(&story.selected);
@@ -281,6 +300,7 @@ pub(crate) fn setting<'a>(question: &Question<'a>, data: &'a Dataset, scene: &'a
         scene,
         readout,
         measured: layout.flat(data),
+        rounded: (0..data.outputs.len()).map(|c| step(data, c).unwrap_or(0.0)).collect(),
         steps: Vec::new(),
         rough: None,
         floor: scene.scales.outputs.iter().map(|s| NUMERICAL * s).collect(),
@@ -386,7 +406,7 @@ fn whitened(setting: &Setting<'_>, rough: &Fit, responses: &[Response]) -> Resul
     for (c, unit) in units.iter().enumerate() {
         residual[setting.layout.output(c)].iter_mut().for_each(|x| *x *= unit);
     }
-    let noise = Noise::estimate(&residual, &setting.layout, taken as f64 + whitening.taken(), &setting.floor);
+    let noise = setting.noise(&residual, taken as f64 + whitening.taken());
     renew(setting, &mut runner, noise, &again, Effort { trials: 12, worthwhile: 0.05, target: f64::NEG_INFINITY }).ok_or_else(lost)
 }
 

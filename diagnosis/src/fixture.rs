@@ -12,11 +12,12 @@ use wheelwright_core::simulation::{Readout, Simulator};
 use wheelwright_core::{Dataset, Effect, ModelConfig, Stretch};
 use wheelwright_models::VwPdConfig;
 
-use crate::comparison::{Channels, Comparison};
+use crate::comparison::{Channels, Comparison, less};
 use crate::diagnose::{Surroundings, setting, surroundings};
 use crate::fit::setting::Point;
 use crate::question::Question;
 use crate::select::{Search, Selected, State};
+use crate::unrounded::step;
 
 pub(crate) const THETA: [f64; 6] = [0.22, 0.18, -0.005, 1.0, 0.02, 1.03];
 pub(crate) const NOISE: [f64; 2] = [0.005, 0.01];
@@ -115,8 +116,10 @@ impl Case {
             without: without.unwrap_or(&self.truth),
             since: None,
             late: &[],
+            rest: &less(&self.data, &self.truth),
             white: &white,
             whiten: &whiten,
+            rounded: &[0, 1].map(|output| step(&self.data, output).unwrap_or(0.0)),
             noise: &self.noise,
             rates: &[THETA[3] / THETA[0], THETA[5] / THETA[1]],
             jacobian: &self.jacobian,

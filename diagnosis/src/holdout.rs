@@ -127,6 +127,8 @@ pub(crate) enum Transfer {
     Fails,
 }
 
+/// How much louder the noise of the same sensors is on another recording at most, as a square: half as loud again. What has more is motion.
+const LOUDEST: f64 = 1.5 * 1.5;
 /// Ratio of an error to that on the training data, as a square, up to which nothing needs explaining: the fifteen percent in amplitude
 /// that the errors of parameters and of the first sample make.
 const NEAR: f64 = 1.15 * 1.15;
@@ -208,7 +210,7 @@ pub(crate) struct Runs<'a> {
 impl Runs<'_> {
     /// The loss that noise alone leaves of each output of the other data: as on the training data, or by as much more as errors change more from
     /// sample to sample there. Motion that is missed goes on for longer; noise with heavy tails, and jitter at steps, are not as loud on every
-    /// recording.
+    /// recording. Up to a bound: quick motion that is missed changes from sample to sample as well.
     pub(crate) fn floor(&self) -> Vec<Floor> {
         let deviation = &self.noise.deviation;
         let of = |(data, run): (&Dataset, &Series)| quick(data, run, deviation, self.jitter);
@@ -216,7 +218,7 @@ impl Runs<'_> {
         let trained = losses(self.training.0, self.training.1, deviation, self.jitter);
         let rows = [self.training.0.samples(), self.held_out.0.samples()];
         let floor = |(c, (loss, louder)): (usize, (&Loss, f64))| Floor {
-            loss: loss.times(if louder.is_finite() { louder.max(1.0) } else { 1.0 }),
+            loss: loss.times(if louder.is_finite() { louder.clamp(1.0, LOUDEST) } else { 1.0 }),
             chance: rows.map(|rows| self.noise.scatter(c, rows)).into_iter().fold(0.0, f64::hypot),
         };
         trained.iter().zip(louder).enumerate().map(floor).collect()
@@ -381,6 +383,8 @@ mod tests {
         let louder = Case::new(12, |_, i, y, _, random| y + 1.5 * NOISE[i] * normal(random));
         let expected = loss(&louder.data, &louder.truth, &NOISE, None) / loss(&trained.data, &trained.truth, &NOISE, None);
         assert!((floor(&louder) / expected - 1.0).abs() < 0.1, "{} for {expected}", floor(&louder));
+        let shaken = Case::new(15, |_, i, y, _, random| y + 4.0 * NOISE[i] * normal(random));
+        assert!((floor(&shaken) / LOUDEST - 1.0).abs() < 1e-9, "{}", floor(&shaken));
         let missed = Case::new(13, |t, i, y, _, random| y + NOISE[i] * (normal(random) + 2.0 * (2.0 * t).sin()));
         assert!(floor(&missed) < 1.2 && loss(&missed.data, &missed.truth, &NOISE, None) > 2.0, "{}", floor(&missed));
         let quieter = Case::new(14, |_, i, y, _, random| y + 0.5 * NOISE[i] * normal(random));

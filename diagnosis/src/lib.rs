@@ -31,6 +31,7 @@ mod screen;
 mod select;
 mod track;
 mod turns;
+mod unrounded;
 mod untestable;
 
 pub use diagnose::diagnose;

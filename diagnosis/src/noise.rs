@@ -26,6 +26,9 @@ pub struct Noise {
     pub innovation: Vec<f64>,
     /// By output: standard deviation of the noise itself.
     pub deviation: Vec<f64>,
+    /// By output: size up to which no value is far out, the step in which it is recorded. Errors of rounding are one-sided where the motion stays, and cut
+    /// off they would have a mean.
+    ordinary: Vec<f64>,
     /// Inverse Cholesky factor of the innovations' correlation, row-major, lower triangular.
     mix: Vec<f64>,
     /// By stretch, output, row: weight of the innovation, 1 where nothing is special.
@@ -49,6 +52,7 @@ impl Noise {
             filters: vec![Filter { coefficients: vec![Vec::new()], gains: vec![1.0] }; n],
             innovation: deviation.to_vec(),
             deviation: deviation.to_vec(),
+            ordinary: vec![0.0; n],
             mix: (0..n * n).map(|k| f64::from(u8::from(k / n == k % n))).collect(),
             weights,
         }
@@ -71,14 +75,16 @@ impl Noise {
         self.innovation.iter().map(|s| 2.0 * rows as f64 * s.ln()).sum()
     }
 
-    /// Estimates the law from residuals in which `taken` degrees of freedom were fitted. No deviation is taken for less than `floor`.
-    pub(crate) fn estimate(residual: &[f64], layout: &Layout, taken: f64, floor: &[f64]) -> Self {
+    /// Estimates the law from residuals in which `taken` degrees of freedom were fitted. No deviation is taken for less than `floor`, and nothing
+    /// for far out that is less than the `step` in which an output is recorded.
+    pub(crate) fn estimate(residual: &[f64], layout: &Layout, taken: f64, floor: &[f64], step: &[f64]) -> Self {
         let n = layout.outputs();
         let left = (layout.counted() as f64 - taken / n as f64).max(1.0);
         let mut noise = Self::white(&vec![1.0; n], layout);
+        noise.ordinary = step.to_vec();
         for c in 0..n {
             let parts: Vec<&[f64]> = (0..layout.stretches()).map(|s| &residual[layout.settled(c, s)]).collect();
-            let (filter, variance, innovation) = Filter::estimate(&parts, layout.counted(), floor[c], |_| 0.0);
+            let (filter, variance, innovation) = Filter::estimate(&parts, layout.counted(), [floor[c], step[c]], |_| 0.0);
             let correction = layout.counted() as f64 / left;
             noise.filters[c] = filter;
             noise.deviation[c] = (variance * correction).sqrt().max(floor[c]);
@@ -113,10 +119,11 @@ impl Noise {
     fn weigh(&mut self, white: &[f64], layout: &Layout) {
         for c in 0..layout.outputs() {
             let Some(spread) = spread((0..layout.stretches()).map(|s| &white[layout.settled(c, s)]), 1.0) else { continue };
+            let far = (HUBER * spread).max(self.ordinary[c] / self.innovation[c]);
             for s in 0..layout.stretches() {
                 let counted = self.weights[s][c].iter_mut().skip(layout.unsettled(s));
                 for (w, x) in counted.zip(&white[layout.settled(c, s)]) {
-                    *w = (HUBER * spread / x.abs().max(f64::MIN_POSITIVE)).min(1.0).sqrt();
+                    *w = (far / x.abs().max(f64::MIN_POSITIVE)).min(1.0).sqrt();
                 }
             }
         }
@@ -203,22 +210,23 @@ impl Noise {
 
 /// A whitening of one output's series by their own past, as the rest of a regression of innovations on orthonormal columns has it, stretch by
 /// stretch. What the columns take they take at all lags: of innovations that were white already their own products, to which those of the
-/// rest are short.
-pub(crate) fn whitener(rest: &[Vec<f64>], columns: &[Vec<Vec<f64>>]) -> impl Fn(&mut [f64]) + use<> {
+/// rest are short. Nothing below an `ordinary` size is astray.
+pub(crate) fn whitener(rest: &[Vec<f64>], columns: &[Vec<Vec<f64>>], ordinary: f64) -> impl Fn(&mut [f64]) + use<> {
     let rest: Vec<&[f64]> = rest.iter().map(Vec::as_slice).collect();
     let rows: usize = rest.iter().map(|part| part.len()).sum();
     let taken: Vec<f64> = (0..=LONGEST).map(|lag| columns.iter().map(|column| products(column, lag)).sum()).collect();
     let left = (rows as f64 - taken[0]).max(1.0);
     let short = squares(&rest) / left;
-    let (filter, _, innovation) = Filter::estimate(&rest, rows, 0.0, |lag| short * taken[lag]);
+    let (filter, _, innovation) = Filter::estimate(&rest, rows, [0.0, ordinary], |lag| short * taken[lag]);
     let deviation = (innovation * rows as f64 / left).sqrt();
     move |series| filter.apply(series, deviation)
 }
 
-/// Draws in what is far out of innovations of unit variance: heavy tails are no physics.
-pub(crate) fn draw_in(innovations: &mut [f64]) {
+/// Draws in what is far out of innovations of unit variance, beyond an `ordinary` size: heavy tails are no physics.
+pub(crate) fn draw_in(innovations: &mut [f64], ordinary: f64) {
     if let Some(spread) = spread(std::iter::once(&*innovations), 1.0) {
-        innovations.iter_mut().for_each(|x| *x = x.clamp(-HUBER * spread, HUBER * spread));
+        let far = (HUBER * spread).max(ordinary);
+        innovations.iter_mut().for_each(|x| *x = x.clamp(-far, far));
     }
 }
 
@@ -256,15 +264,15 @@ fn mix<'v>(row: &[f64], above: impl Iterator<Item = &'v [f64]>, own: &mut [f64])
 
 impl Filter {
     /// Yule-Walker over all stretches, by the Levinson recursion, values astray left out; the order by BIC with a doubled penalty. Returns the
-    /// filter and the variances of noise and innovation. `short` is what sums of products a lag apart are short of.
-    fn estimate(parts: &[&[f64]], rows: usize, floor: f64, short: impl Fn(usize) -> f64) -> (Self, f64, f64) {
+    /// filter and the variances of noise and innovation. Nothing below an `ordinary` size is astray; `short` is what sums of products a lag apart are short of.
+    fn estimate(parts: &[&[f64]], rows: usize, [floor, ordinary]: [f64; 2], short: impl Fn(usize) -> f64) -> (Self, f64, f64) {
         let longest = LONGEST.min(rows / (10 * parts.len().max(1))).min(rows / 20);
         let white = Self { coefficients: vec![Vec::new()], gains: vec![1.0] };
         let variance = squares(parts) / rows as f64;
         if variance.is_nan() || variance <= floor * floor {
             return (white, variance.max(0.0), variance.max(0.0));
         }
-        let most = spread(parts.iter().copied(), variance.sqrt()).map_or(f64::INFINITY, |spread| ASTRAY * spread);
+        let most = spread(parts.iter().copied(), variance.sqrt()).map_or(f64::INFINITY, |spread| (ASTRAY * spread).max(ordinary));
         let bulk: Vec<Vec<f64>> = parts.iter().map(|part| part.iter().map(|x| if x.abs() > most { 0.0 } else { *x }).collect()).collect();
         let covariance: Vec<f64> = (0..=longest).map(|lag| (products(&bulk, lag) + short(lag)) / rows as f64).collect();
         let (mut coefficients, mut variances) = (vec![Vec::new()], vec![covariance[0]]);
@@ -338,7 +346,7 @@ mod tests {
         let case = Case::clean(1);
         let layout = Layout::of(&case.data, &case.scene);
         let residual = series(2, 0.8, &layout);
-        let noise = Noise::estimate(&residual, &layout, 0.0, &[1e-9; 2]);
+        let noise = Noise::estimate(&residual, &layout, 0.0, &[1e-9; 2], &[0.0; 2]);
         assert_eq!(noise.orders(), [1, 1]);
         let mut white = residual.clone();
         noise.whiten_flat(&layout, &mut white);
@@ -356,7 +364,7 @@ mod tests {
             let all: Vec<f64> = (0..60).map(|seed| moments(&series(seed, coefficient, &layout)).0).collect();
             let mean = all.iter().sum::<f64>() / 60.0;
             let scatter = (all.iter().map(|x| (x / mean - 1.0).powi(2)).sum::<f64>() / 59.0).sqrt();
-            let noise = Noise::estimate(&series(99, coefficient, &layout), &layout, 0.0, &[1e-9; 2]);
+            let noise = Noise::estimate(&series(99, coefficient, &layout), &layout, 0.0, &[1e-9; 2], &[0.0; 2]);
             let told = noise.scatter(0, layout.len());
             assert!((scatter / told - 1.0).abs() < 0.25, "{coefficient}: {scatter} {told}");
         }
@@ -370,7 +378,7 @@ mod tests {
         for start in (100..layout.rows() - 20).step_by(400) {
             residual[start..start + 12].iter_mut().for_each(|x| *x -= 30.0);
         }
-        let noise = Noise::estimate(&residual, &layout, 0.0, &[1e-9; 2]);
+        let noise = Noise::estimate(&residual, &layout, 0.0, &[1e-9; 2], &[0.0; 2]);
         let (before, after) = (residual[105], {
             noise.whiten_output(0, &mut residual[..layout.rows()]);
             residual[105] * noise.innovation[0]
@@ -383,7 +391,7 @@ mod tests {
         let case = Case::clean(1);
         let layout = Layout::of(&case.data, &case.scene);
         let residual = series(3, 0.5, &layout);
-        let noise = Noise::estimate(&residual, &layout, 0.0, &[1e-9; 2]);
+        let noise = Noise::estimate(&residual, &layout, 0.0, &[1e-9; 2], &[0.0; 2]);
         let mut whole = residual.clone();
         noise.whiten_flat(&layout, &mut whole);
         let mut parts = layout.series(&residual);
@@ -402,7 +410,7 @@ mod tests {
         for k in 0..layout.rows() {
             residual[layout.rows() + k] = 0.6 * residual[layout.rows() + k] + 0.8 * if k == 100 { 0.0 } else { residual[k] };
         }
-        let noise = Noise::estimate(&residual, &layout, 0.0, &[1e-9; 2]);
+        let noise = Noise::estimate(&residual, &layout, 0.0, &[1e-9; 2], &[0.0; 2]);
         assert!(noise.weights[0][0][100] < 0.3 && noise.weights[0][0][99] > 0.5);
         let mut white = residual;
         noise.whiten_flat(&layout, &mut white);
@@ -420,7 +428,7 @@ mod tests {
         let factor = |k: usize| if k.is_multiple_of(2) { 1.0 } else { 1.0 / 3.0 };
         let residual: Vec<f64> = series(5, 0.0, &layout).iter().enumerate().map(|(k, x)| x / factor(k % layout.rows())).collect();
         let factors = vec![(0..layout.rows()).map(factor).collect::<Vec<f64>>(); 2];
-        let plain = Noise::estimate(&residual, &layout, 0.0, &[1e-9; 2]);
+        let plain = Noise::estimate(&residual, &layout, 0.0, &[1e-9; 2], &[0.0; 2]);
         let ratio = |noise: &Noise| {
             let mut white = residual.clone();
             noise.whiten_flat(&layout, &mut white);

@@ -23,6 +23,10 @@ pub struct Residuals<'a> {
     pub base: Series,
     /// Free run of the final model; equal to `base` where no effect was found.
     pub last: Series,
+    /// Recording minus `last`, without what [rounding](crate::unrounded) adds on average.
+    pub left: Series,
+    /// Step in which each output is recorded; zero where there is none.
+    pub rounded: Vec<f64>,
     /// Law of the noise, estimated from what no effect of the library could explain.
     pub noise: Noise,
     /// Directions in which the final fit was free: raw responses (not whitened) of the outputs to each free parameter. A test of what is
@@ -30,25 +34,6 @@ pub struct Residuals<'a> {
     pub jacobian: Vec<Series>,
     /// Half the track width used \[m\]; not a number without wheels.
     pub half_track: f64,
-}
-
-impl Residuals<'_> {
-    /// Recording minus a simulation.
-    pub fn of(&self, simulated: &Series) -> Series {
-        let row = |y: &Vec<f64>, s: &Vec<f64>| y.iter().zip(s).map(|(y, s)| y - s).collect::<Vec<f64>>();
-        let stretch = |d: &wheelwright_core::Stretch, s: &Vec<Vec<f64>>| d.outputs.iter().zip(s).map(|(y, s)| row(y, s)).collect();
-        self.data.stretches.iter().zip(simulated).map(|(d, s)| stretch(d, s)).collect()
-    }
-
-    /// What the base model leaves.
-    pub fn before(&self) -> Series {
-        self.of(&self.base)
-    }
-
-    /// What the final model leaves.
-    pub fn after(&self) -> Series {
-        self.of(&self.last)
-    }
 }
 
 /// What a test without a library found in the final residual. `decide` weighs these.

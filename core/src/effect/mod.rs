@@ -239,7 +239,7 @@ pub trait Effect: Debug + Send + Sync {
     /// Its parameters, scaled to a scene.
     fn parameters(&self, scene: &Scene) -> Vec<EffectParameter>;
 
-    /// Points from which it is tried, in the order of the search.
+    /// Points from which it is tried, in the order of the search; none where no run finds it.
     fn starts(&self, scene: &Scene) -> Vec<Start>;
 
     /// Other values worth a look from fitted ones, where the likelihood has many maxima side by side: a time of change shows only
@@ -295,6 +295,12 @@ pub trait Effect: Debug + Send + Sync {
 
     /// The name of the effect that this one is with these values, where a part of it does nothing: friction at one of two wheels.
     fn narrower(&self, _values: &[f64], _scene: &Scene) -> Option<&'static str> {
+        None
+    }
+
+    /// The name under which a person is told of these values, if that is not its own: of an effect in the library with the same parameters and the same
+    /// motion, which needs no [`starts`](Self::starts). Dry friction of nearly one size at both wheels is not that of one wheel.
+    fn told_as(&self, _values: &[f64]) -> Option<&'static str> {
         None
     }
 

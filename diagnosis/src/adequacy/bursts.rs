@@ -9,6 +9,7 @@ use rand::seq::SliceRandom;
 
 use super::Jitter;
 use crate::comparison::{Comparison, blocks};
+use crate::unrounded::readout;
 
 /// Shuffles from which the largest block's distribution is taken.
 const SHUFFLES: usize = 100;
@@ -77,14 +78,25 @@ pub(super) fn find(comparison: &Comparison<'_>, seed: u64, jitter: Option<&Jitte
     bursts
 }
 
-/// Squared innovations summed over the outputs, a sample each; scatter of jittering stamps brought back to its usual size.
+/// Squared innovations summed over the outputs, a sample each; scatter of jittering stamps, and of rounding where it is loud, brought back to its usual
+/// size.
 fn squares(comparison: &Comparison<'_>, jitter: Option<&Jitter>) -> Vec<f64> {
     let mut sum = vec![0.0; comparison.data.samples()];
     for output in 0..comparison.outputs() {
         let weights = jitter.map(|j| j.weights(comparison, output));
+        let loudness = loudness(comparison, output);
         for (k, x) in comparison.innovations(output).iter().enumerate() {
-            sum[k] += (x * weights.as_ref().map_or(1.0, |w| w[k])).powi(2);
+            let (weight, loudness) = (weights.as_ref().map_or(1.0, |w| w[k]), loudness.as_ref().map_or(1.0, |l| l[k]));
+            sum[k] += (x * weight).powi(2) / loudness;
         }
     }
     sum
+}
+
+/// Variance of each value of an output about what rounding adds on average, over its mean; where it is less than that, 1: seldom it is as large all the same.
+fn loudness(comparison: &Comparison<'_>, output: usize) -> Option<Vec<f64>> {
+    let readout = readout(comparison.data, comparison.model, output)?;
+    let variances: Vec<f64> = comparison.model.iter().flat_map(|run| &run[output]).map(|x| readout.moments(*x).1).collect();
+    let mean = variances.iter().sum::<f64>() / variances.len() as f64;
+    Some(variances.into_iter().map(|variance| (variance / mean).max(1.0)).collect())
 }

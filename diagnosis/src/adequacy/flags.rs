@@ -41,7 +41,7 @@ pub fn review(residuals: &Residuals<'_>, scene: &Scene, explained: &Explained<'_
             })
             .collect()
     };
-    let white = whitened(residuals.after());
+    let white = whitened(residuals.left.clone());
     let rows = residuals.data.samples();
     let mut jacobian = vec![DMatrix::zeros(rows, residuals.jacobian.len()); outputs];
     for (p, direction) in residuals.jacobian.iter().enumerate() {
@@ -61,8 +61,10 @@ pub fn review(residuals: &Residuals<'_>, scene: &Scene, explained: &Explained<'_
         without: explained.without,
         since: explained.since,
         late: &explained.late,
+        rest: &residuals.left,
         white: &white,
         whiten: &whiten,
+        rounded: &residuals.rounded,
         noise: &noise.deviation,
         rates: &rates,
         jacobian: &jacobian,

@@ -3,7 +3,8 @@
 //! A stamp that is wrong by ε moves a sample along the curve, y(t + ε) = y(t) + ẏ ε, so the residual's variance is s0² + σt² ẏ².
 //! Motion that the model misses grows with acceleration too, but goes on from one sample to the next, which stamps that are
 //! off by chance do not: products of neighbours are held against products of their slopes, and where they grow half as much as the squares
-//! it is no jitter. Nor can stamps that stand in order be off, for sure, by more than their distance.
+//! it is no jitter. Rounding is loud as well where an output goes from step to step, and silent where it stays within one: behind little other noise only
+//! rows count in which it goes by a step and more. Nor can stamps that stand in order be off, for sure, by more than their distance.
 
 use crate::comparison::Comparison;
 
@@ -42,30 +43,55 @@ pub struct Jitter {
     pub still: f64,
 }
 
+/// Share of the noise's variance that rounding to a step makes, q²/12, from which on it hangs on the motion how loud it is.
+const ROUNDED: f64 = 0.5;
+
 pub(super) fn find(comparison: &Comparison<'_>) -> Option<Jitter> {
-    let (mut squares, mut slopes) = (Vec::new(), Vec::new());
+    let found = found_where(comparison, &|_, _| true)?;
+    let coarse = |output: usize| {
+        let step = comparison.rounded[output];
+        if step * step / 12.0 > ROUNDED * comparison.noise[output].powi(2) { step } else { 0.0 }
+    };
+    let steps: Vec<f64> = (0..comparison.outputs()).map(coarse).collect();
+    if steps.iter().all(|step| *step == 0.0) {
+        return Some(found);
+    }
+    // From one sample to the next it goes by every place of a step.
+    let passes = |output: usize, slope: f64| slope.abs() * comparison.scene.scales.period >= steps[output];
+    found_where(comparison, &passes)
+}
+
+/// The jitter that shows in the rows of an output, at a slope, that are looked at.
+fn found_where(comparison: &Comparison<'_>, looked_at: &dyn Fn(usize, f64) -> bool) -> Option<Jitter> {
+    let (mut squares, mut slopes, mut rows) = (Vec::new(), Vec::new(), Vec::new());
     let (mut products, mut pairs) = (Vec::new(), Vec::new());
     for output in 0..comparison.outputs() {
         let plain = slopes_of(comparison, output, 0.0);
         let noise = comparison.noise[output];
         let residual = left_of(comparison, output);
+        let seen: Vec<usize> = (0..plain.len()).filter(|k| looked_at(output, plain[*k])).collect();
         // Both outputs speak of the same stamps: in units of their own noise they are one series.
-        squares.extend(residual.iter().map(|r| r * r));
-        slopes.extend(plain.iter().map(|d| (d / noise).powi(2)));
+        squares.extend(seen.iter().map(|k| residual[*k] * residual[*k]));
+        slopes.extend(seen.iter().map(|k| (plain[*k] / noise).powi(2)));
         for range in comparison.ranges() {
-            products.extend(residual[range.clone()].windows(2).map(|w| w[0] * w[1]));
-            pairs.extend(plain[range].windows(2).map(|w| w[0] * w[1] / (noise * noise)));
+            let neighbours = seen.windows(2).filter(|w| w[1] == w[0] + 1 && w.iter().all(|k| range.contains(k)));
+            for w in neighbours {
+                products.push(residual[w[0]] * residual[w[1]]);
+                pairs.push(plain[w[0]] * plain[w[1]] / (noise * noise));
+            }
         }
+        rows.push(seen);
     }
     let Growth { still, variance, error } = growth(&squares, &slopes)?;
     // Where the variance is jitter's. The few samples at which an output jumps say no more of that than others at which it is.
-    let shares: Vec<f64> = slopes.iter().map(|x| variance * x / (still + variance * x)).collect();
-    let rows = shares.len() / comparison.outputs();
-    let grown = |(output, shares): (usize, &[f64])| {
-        let white: Vec<f64> = comparison.innovations(output).iter().map(|r| (r * r).min(CUT)).collect();
-        correlation(&white, shares) * (rows as f64).sqrt()
+    let mut shares = slopes.iter().map(|x| variance * x / (still + variance * x));
+    let grown = |(output, seen): (usize, &Vec<usize>)| {
+        let innovations = comparison.innovations(output);
+        let white: Vec<f64> = seen.iter().map(|k| innovations[*k].powi(2).min(CUT)).collect();
+        let shares: Vec<f64> = shares.by_ref().take(seen.len()).collect();
+        correlation(&white, &shares) * (seen.len() as f64).sqrt()
     };
-    let z: Vec<f64> = shares.chunks_exact(rows).enumerate().map(grown).collect();
+    let z: Vec<f64> = rows.iter().enumerate().filter(|(_, seen)| !seen.is_empty()).map(grown).collect();
     let combined = z.iter().sum::<f64>() / (z.len() as f64).sqrt();
     let limit = statrs::distribution::ContinuousCDF::inverse_cdf(&statrs::distribution::Normal::standard(), 1.0 - FALSE_ALARM);
     if combined < limit || z.iter().any(|z| *z < 0.0) {

@@ -27,11 +27,9 @@ pub use readout::Coarse;
 pub use rounding::Rounding;
 pub use structure::Structure;
 
-use wheelwright_core::Dataset;
-use wheelwright_core::effect::Scene;
-
 use crate::comparison::{Channels, Comparison};
 use crate::effects::digits;
+use crate::fit::setting::Setting;
 use crate::noise::Noise;
 
 /// What the nine tests found.
@@ -63,14 +61,20 @@ pub struct Adequacy {
 pub fn examine(comparison: &Comparison<'_>, seed: u64) -> Adequacy {
     let (jitter, lattices) = (scatter(comparison), lattice::find(comparison));
     let counts = lattice::counts(comparison, &lattices);
-    let structure = structure::measure(comparison, jitter.as_ref());
-    // What a coarse readout adds depends on the motion, and is no motion; where nothing depends on motion it is noise.
-    let asked = counts.is_none() && structure.significant();
-    let (coarse, rest) = if asked { readout::find(comparison) } else { (Vec::new(), Vec::new()) };
-    let cleared = Comparison { white: &rest, ..*comparison };
-    let comparison = if coarse.is_empty() { comparison } else { &cleared };
+    let structure = |comparison: &Comparison<'_>| structure::measure(comparison, jitter.as_ref());
+    let own = structure(comparison);
+    // What a coarse readout adds depends on the motion, and is no motion; where nothing depends on motion, of what was recorded, it is noise.
+    let rest = comparison.recorded();
+    let unrounded = rest != comparison.rest;
+    let white = if unrounded { comparison.whitened(&rest) } else { comparison.white.to_vec() };
+    let unknown = vec![0.0; comparison.outputs()];
+    let recorded = Comparison { rest: &rest, white: &white, rounded: &unknown, ..*comparison };
+    let asked = counts.is_none() && if unrounded { structure(&recorded).significant() } else { own.significant() };
+    let (coarse, white) = if asked { readout::find(&recorded) } else { (Vec::new(), Vec::new()) };
+    let cleared = Comparison { white: &white, ..*comparison };
+    let comparison = if coarse.is_empty() || unrounded { comparison } else { &cleared };
     Adequacy {
-        structure: if coarse.is_empty() { structure } else { structure::measure(comparison, jitter.as_ref()) },
+        structure: if coarse.is_empty() || unrounded { own } else { structure(comparison) },
         bursts: bursts::find(comparison, seed, jitter.as_ref()),
         events: if jitter.is_none() { events::find(comparison) } else { None },
         memory: memory::find(comparison),
@@ -162,26 +166,27 @@ pub(crate) fn counted(comparison: &Comparison<'_>) -> bool {
 
 /// Asks a test that looks at the whitened rest of a free run alone, which leaves `left`.
 pub(crate) fn whitened<T>(
-    data: &Dataset,
-    scene: &Scene,
+    setting: &Setting<'_>,
     run: &[Channels],
     left: Vec<Channels>,
     late: &[f64],
     noise: &Noise,
     ask: impl FnOnce(&Comparison<'_>) -> T,
 ) -> T {
-    let mut white = left;
+    let mut white = left.clone();
     white.iter_mut().enumerate().for_each(|(s, left)| noise.whiten(s, left));
     let comparison = Comparison {
-        data,
-        scene,
+        data: setting.data,
+        scene: setting.scene,
         base: run,
         model: run,
         without: run,
         since: None,
         late,
+        rest: &left,
         white: &white,
         whiten: &|_, _| (),
+        rounded: &setting.rounded,
         noise: &noise.deviation,
         rates: &[],
         jacobian: &[],

@@ -12,7 +12,6 @@ use super::bursts::FALSE_ALARM;
 use super::sweep::{Sweep, stands_out};
 use crate::comparison::{Channels, Comparison};
 use crate::fit::algebra::{add, dot, orthonormal};
-use crate::noise::draw_in;
 
 /// Most steps tried for an output, and how finely about the best.
 const MOST: usize = 3000;
@@ -43,8 +42,7 @@ pub(super) fn find(comparison: &Comparison<'_>) -> (Vec<Coarse>, Vec<Channels>) 
     for output in 0..comparison.outputs() {
         let Some((step, tried)) = likeliest(comparison, output) else { continue };
         let saw = saw(comparison, output, step);
-        let mut innovations = comparison.innovations(output);
-        draw_in(&mut innovations);
+        let innovations = comparison.drawn_in(output);
         let along: Vec<f64> = saw.iter().map(|column| dot(column, &innovations)).collect();
         let gain: f64 = along.iter().map(|along| along * along).sum();
         let needed = ChiSquared::new(COLUMNS).map_or(f64::INFINITY, |law| law.inverse_cdf(1.0 - FALSE_ALARM / tried as f64));

@@ -16,7 +16,7 @@ use wheelwright_core::Stretch;
 use super::Jitter;
 use crate::comparison::{Channels, Comparison};
 use crate::fit::algebra::{clear, dot, orthonormal};
-use crate::noise::{draw_in, whitener};
+use crate::noise::whitener;
 
 /// z above which something is left. The law of T is exact for known noise; with an autoregression estimated from what the
 /// features leave over, none of a hundred clean recordings exceeds it (documented with the other thresholds).
@@ -92,13 +92,11 @@ fn output_energy(
             matrix.view_mut((range.start, known + j), (range.len(), 1)).copy_from_slice(&response);
         }
     }
-    let mut innovations = comparison.innovations(output);
-    draw_in(&mut innovations);
-    matrix.column_mut(known + count).copy_from_slice(&innovations);
+    matrix.column_mut(known + count).copy_from_slice(&comparison.drawn_in(output));
     if let Some(weights) = weights {
         matrix.row_iter_mut().zip(weights).for_each(|(mut row, w)| row *= w);
     }
-    rewhiten(&mut matrix, &ranges);
+    rewhiten(&mut matrix, &ranges, comparison.ordinary(output));
     let basis = spanning(&matrix);
     let innovations = &matrix.as_slice()[rows * (known + count)..];
     let mut own = basis.iter().skip(known);
@@ -115,13 +113,13 @@ fn output_energy(
     parts
 }
 
-/// Whitens all columns by the past of what the last one has beyond the others; rows in stretches.
-fn rewhiten(matrix: &mut DMatrix<f64>, stretches: &[Range<usize>]) {
+/// Whitens all columns by the past of what the last one has beyond the others, of which nothing below an `ordinary` size is astray; rows in stretches.
+fn rewhiten(matrix: &mut DMatrix<f64>, stretches: &[Range<usize>], ordinary: f64) {
     let basis = spanning(matrix);
     let mut rest = matrix.column(matrix.ncols() - 1).as_slice().to_vec();
     basis.iter().flatten().for_each(|known| clear(&mut rest, known));
     let cut = |column: &[f64]| stretches.iter().map(|rows| column[rows.clone()].to_vec()).collect::<Vec<_>>();
-    let whiten = whitener(&cut(&rest), &basis.iter().flatten().map(|known| cut(known)).collect::<Vec<_>>());
+    let whiten = whitener(&cut(&rest), &basis.iter().flatten().map(|known| cut(known)).collect::<Vec<_>>(), ordinary);
     for mut column in matrix.column_iter_mut() {
         stretches.iter().for_each(|rows| whiten(&mut column.as_mut_slice()[rows.clone()]));
     }

@@ -133,7 +133,7 @@ fn coloured(coefficient: f64) -> impl FnMut(usize, &mut StdRng) -> f64 {
 
 /// A rest whitened by its own past, and what whitens each output so.
 fn by_its_past(c: &Comparison<'_>) -> (Vec<Channels>, [impl Fn(&mut [f64]) + use<>; 2]) {
-    let past = [0, 1].map(|i| whitener(&c.white.iter().map(|stretch| stretch[i].clone()).collect::<Vec<_>>(), &[]));
+    let past = [0, 1].map(|i| whitener(&c.white.iter().map(|stretch| stretch[i].clone()).collect::<Vec<_>>(), &[], 0.0));
     let mut white = c.white.to_vec();
     white.iter_mut().flat_map(|stretch| stretch.iter_mut().zip(&past)).for_each(|(series, past)| past(series));
     (white, past)
@@ -353,6 +353,24 @@ fn readouts_that_happen_to_suit_the_track_are_no_counts() {
         let found = case.compare(None, |c| examine(c, 9));
         assert!(found.counts.is_none(), "{share}: {:?}", found.counts);
     }
+}
+
+/// Rounding is silent within a step and loud on the way from one to the next.
+#[test]
+fn a_readout_that_is_loud_in_motion_is_no_jitter() {
+    let found = |deviation: f64| {
+        let jitters = |seed: u64| {
+            let case = Case::new(seed, |_, i, y, slope, random| {
+                let step = 6.0 * NOISE[i];
+                ((y + deviation * slope * normal(random) + 0.4 * NOISE[i] * normal(random)) / step).round() * step
+            });
+            case.compare(None, |c| examine(c, seed)).jitter.is_some()
+        };
+        (0..6).filter(|seed| jitters(*seed)).count()
+    };
+    // What is left of the rows hides it once.
+    let (rounded, jittering) = (found(0.0), found(0.03));
+    assert!(rounded == 0 && jittering >= 5, "{rounded} {jittering}");
 }
 
 #[test]

@@ -43,6 +43,9 @@ pub(super) fn review(question: &Question<'_>, story: &Story<'_>, findings: &[Fin
         Ok(setting.layout.series(&out))
     };
     let last = simulate(setting, &state.effects, &state.fit, &state.fit.point.x)?;
+    let mut left = setting.layout.series(&setting.measured);
+    let values = left.iter_mut().flatten().flatten().zip(last.iter().flatten().flatten());
+    values.for_each(|(left, run)| *left -= run);
     let without = simulate(&plain, &[], &state.fit, &state.fit.point.x[..free])?;
     let effects = search.effects(&state.effects);
     let mut runner = Runner::new(setting, &effects, &state.fit.point)?;
@@ -54,6 +57,8 @@ pub(super) fn review(question: &Question<'_>, story: &Story<'_>, findings: &[Fin
         theta_final: setting.map.theta(&state.fit.point.x[..free]),
         base: simulate(&plain, &[], base, &base.point.x)?,
         last,
+        left,
+        rounded: setting.rounded.clone(),
         noise: selected.whitening.noise.clone(),
         jacobian: jacobian.collect(),
         half_track: setting.scene.frame.half_track(),

@@ -6,7 +6,8 @@
 //! A `soft` one comes up with speed, as that of a film or of a seal does before it is full: f = c s/√(s² + s_0²). A `presliding` one comes up with the
 //! way since the last reversal, as bristles bend. A `warming` one is that of what rubs more, or less, while it is cold, as grease and seals do:
 //! f = c (1 + a e^{−t/τ}) sgn s, t from the recording's first time on. A `geared` one grows with the torque that is passed on, as that of teeth and
-//! worms does: f = (c + κ |T|) sgn s, T what the motor gives by the command and what loop and motor withdraw of it.
+//! worms does: f = (c + κ |T|) sgn s, T what the motor gives by the command and what loop and motor withdraw of it. A `sided` one is what
+//! `coulomb_friction_one_wheel` finds where both wheels have nearly as much.
 
 use serde::{Deserialize, Serialize};
 use wheelwright_core::Effect;
@@ -14,7 +15,7 @@ use wheelwright_core::effect::{Confusion, EffectParameter, Estimate, Instant, Mo
 
 use super::loops::Loops;
 use super::words::{quantity, scaled, smooth_sign};
-use super::{bristles, force, trend};
+use super::{CoulombFrictionOneWheel, bristles, force, trend};
 
 /// What the size of dry friction hangs on.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
@@ -31,6 +32,8 @@ pub enum FrictionLaw {
     Warming,
     /// On the torque that the gears pass on.
     Geared,
+    /// On the wheel: each has a size of its own.
+    Sided,
 }
 
 /// Coulomb friction.
@@ -46,13 +49,15 @@ pub struct CoulombFriction {
 const COLD: (f64, f64) = (10.0, 0.5);
 /// Share of the torque that gears lose at most, beyond which no motion of the wheel could turn the motor, and what is tried.
 const LOST: (f64, f64) = (0.9, 0.15);
+/// What has a size for each wheel.
+const EACH: CoulombFrictionOneWheel = CoulombFrictionOneWheel { wheel: None };
 
 impl CoulombFriction {
     /// What its size hangs on, but for the size itself and the turning ratio.
     fn own(&self, scene: &Scene) -> Vec<EffectParameter> {
         let share = |name: &str, bounds: (f64, f64), scale: f64| EffectParameter::new(name, "1", bounds, scale).neutral(0.0);
         match self.law {
-            FrictionLaw::Constant => Vec::new(),
+            FrictionLaw::Constant | FrictionLaw::Sided => Vec::new(),
             FrictionLaw::Soft => vec![force::softness(scene)],
             FrictionLaw::Presliding => vec![bristles::length(scene)],
             FrictionLaw::Warming => vec![share("cold", (-1.0, COLD.0), COLD.1), trend::parameter("warming_time", scene)],
@@ -74,6 +79,7 @@ impl Effect for CoulombFriction {
             FrictionLaw::Presliding => "that comes up with the way since a reversal",
             FrictionLaw::Warming => "that changes as it warms up",
             FrictionLaw::Geared => "that grows with the torque the gears pass on",
+            FrictionLaw::Sided => "that differs somewhat between them",
         };
         format!("dry friction {how} at both wheels")
     }
@@ -89,11 +95,14 @@ impl Effect for CoulombFriction {
     fn inapplicable(&self, scene: &Scene) -> Option<String> {
         match self.law {
             FrictionLaw::Constant | FrictionLaw::Warming => force::needs_commands(scene),
-            FrictionLaw::Soft | FrictionLaw::Presliding | FrictionLaw::Geared => force::needs_wheels(scene),
+            FrictionLaw::Soft | FrictionLaw::Presliding | FrictionLaw::Geared | FrictionLaw::Sided => force::needs_wheels(scene),
         }
     }
 
     fn parameters(&self, scene: &Scene) -> Vec<EffectParameter> {
+        if self.law == FrictionLaw::Sided {
+            return EACH.parameters(scene);
+        }
         force::sizes(scene, "friction").into_iter().chain(self.own(scene)).chain(force::turning_ratio(scene)).collect()
     }
 
@@ -107,16 +116,20 @@ impl Effect for CoulombFriction {
                 columns.push(vec![sizes.len()]);
                 vec![vec![LOST.1, 0.0]]
             }
-            _ => vec![scales(&self.own(scene))],
+            FrictionLaw::Sided => Vec::new(),
+            FrictionLaw::Constant | FrictionLaw::Soft | FrictionLaw::Presliding => vec![scales(&self.own(scene))],
         };
         tried.iter().flat_map(|own| force::starts(scene, &[&sizes[..], own].concat(), &columns)).collect()
     }
 
     fn statement(&self, values: &[Estimate], scene: &Scene) -> String {
+        if self.law == FrictionLaw::Sided {
+            return EACH.statement(values, scene);
+        }
         let whose = if scene.frame.has_wheels() { "at each wheel".to_owned() } else { format!("on `{}`", scene.outputs[0].name) };
         let own = &values[force::contacts(scene)..];
         let comes_up = match self.law {
-            FrictionLaw::Constant => String::new(),
+            FrictionLaw::Constant | FrictionLaw::Sided => String::new(),
             FrictionLaw::Soft => force::comes_up(Some(own[0])),
             FrictionLaw::Presliding => bristles::comes_up(own[0]),
             FrictionLaw::Warming => {
@@ -161,7 +174,7 @@ impl Effect for CoulombFriction {
     }
 
     fn stands_in(&self) -> bool {
-        !matches!(self.law, FrictionLaw::Constant | FrictionLaw::Soft)
+        !matches!(self.law, FrictionLaw::Constant | FrictionLaw::Soft | FrictionLaw::Sided)
     }
 
     fn states(&self, _scene: &Scene) -> usize {
@@ -184,6 +197,7 @@ impl Effect for CoulombFriction {
         let own = &p[force::contacts(at.scene)..];
         let (ratio, comes_up_by, times) = match self.law {
             FrictionLaw::Geared => return,
+            FrictionLaw::Sided => return EACH.load(p, at, outputs, state, load),
             FrictionLaw::Presliding => return bristles::load(p[0], at, state, own.get(1), load),
             FrictionLaw::Constant => (own.first(), None, 1.0),
             FrictionLaw::Soft => (own.get(1), Some(own[0]), 1.0),

@@ -1,7 +1,7 @@
 //! Dry friction at one wheel, f = c sgn s there and nothing at the other, or of another size at each.
 //!
 //! A rubbing tyre or a dry bearing: it slows the robot and turns it. In the body frame it uses up (f_R + f_L)/2 of the forward command and
-//! ρ (f_R − f_L)/(2h) of the turning command.
+//! ρ (f_R − f_L)/(2h) of the turning command. Sizes that are nearer to each other than to nothing at one wheel are told as friction of both.
 
 use serde::{Deserialize, Serialize};
 use wheelwright_core::Effect;
@@ -18,6 +18,9 @@ pub struct CoulombFrictionOneWheel {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub wheel: Option<Wheel>,
 }
+
+/// Share of the greater size from which on the lesser one is nearer to it than to nothing.
+const BOTH: f64 = 0.5;
 
 impl CoulombFrictionOneWheel {
     /// The wheels that have friction.
@@ -74,6 +77,11 @@ impl Effect for CoulombFrictionOneWheel {
         let parameters = self.parameters(scene);
         let idle = parameters.iter().zip(values).any(|(p, x)| p.is_neutral(*x));
         (self.wheel.is_none() && idle).then_some("coulomb_friction_one_wheel")
+    }
+
+    fn told_as(&self, values: &[f64]) -> Option<&'static str> {
+        let [left, right] = values.first_chunk().filter(|_| self.wheel.is_none())?;
+        (left.min(*right) > BOTH * left.max(*right)).then_some("coulomb_friction")
     }
 
     fn contains(&self) -> &'static [&'static str] {

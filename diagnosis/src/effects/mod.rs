@@ -208,6 +208,7 @@ fn dynamics() -> Vec<Box<dyn Effect>> {
         Box::new(CoulombFriction { law: FrictionLaw::Presliding }),
         Box::new(CoulombFriction { law: FrictionLaw::Warming }),
         Box::new(CoulombFriction { law: FrictionLaw::Geared }),
+        Box::new(CoulombFriction { law: FrictionLaw::Sided }),
         Box::new(CoulombFrictionOneWheel { wheel: Some(Wheel::Left) }),
         Box::new(CoulombFrictionOneWheel { wheel: Some(Wheel::Right) }),
         Box::new(CoulombFrictionOneWheel { wheel: None }),

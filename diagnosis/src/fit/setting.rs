@@ -10,6 +10,7 @@ use wheelwright_core::model::{ModelError, ParameterMap, RegressorModel, Sample};
 use wheelwright_core::simulation::{Readout, linear_part};
 
 use super::layout::Layout;
+use crate::noise::Noise;
 
 /// Rate per sampling interval beyond which no trial goes: within one interval a step comes nearer to its end than the numerical error, and all
 /// that is faster looks the same, but for the time that it takes to simulate.
@@ -40,6 +41,8 @@ pub(crate) struct Setting<'a> {
     pub(crate) layout: Layout,
     /// The measured outputs, flat.
     pub(crate) measured: Vec<f64>,
+    /// Step in which each output is recorded; zero where there is none.
+    pub(crate) rounded: Vec<f64>,
     /// Step of each free parameter for its column.
     pub(crate) steps: Vec<f64>,
     /// Free parameters by regression, where there are such.
@@ -68,6 +71,11 @@ pub(crate) struct Point {
 impl<'a> Setting<'a> {
     pub(crate) fn free(&self) -> usize {
         self.map.free.len()
+    }
+
+    /// The law of the noise that a residual shows in which so many degrees of freedom were fitted.
+    pub(crate) fn noise(&self, residual: &[f64], taken: f64) -> Noise {
+        Noise::estimate(residual, &self.layout, taken, &self.floor, &self.rounded)
     }
 
     /// Whether the search has had its share of simulation.

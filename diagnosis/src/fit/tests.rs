@@ -34,6 +34,7 @@ fn fitted<T>(case: &Case, f: impl FnOnce(&Setting<'_>, &Whitening, &Fit) -> T) -
         scene: &case.scene,
         readout: Readout::Instantaneous,
         measured: layout.flat(&case.data),
+        rounded: vec![0.0; 2],
         steps: Vec::new(),
         rough: None,
         floor: vec![1e-6; 2],

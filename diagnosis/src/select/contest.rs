@@ -8,7 +8,6 @@ use crate::answer::always;
 use crate::comparison::Comparison;
 use crate::effects::LATENESS;
 use crate::fit::search::{Fit, left};
-use crate::fit::setting::Setting;
 use crate::race::{Field, Refined, distinct};
 use crate::screen::{Candidate, Response};
 
@@ -189,10 +188,9 @@ impl<'a> Search<'a> {
 
     /// Asks a test that looks at the whitened rest of a selection's free run.
     fn asked<T>(&self, selected: &Selected, test: impl FnOnce(&Comparison<'_>) -> T) -> T {
-        let Setting { data, scene, layout, .. } = &self.setting;
-        let simulated = &selected.state.fit.simulated;
-        let rest = layout.series(&left(&self.setting, simulated));
-        whitened(data, scene, &layout.series(simulated), rest, &self.late(&selected.state), &selected.whitening.noise, test)
+        let (setting, simulated) = (&self.setting, &selected.state.fit.simulated);
+        let rest = setting.layout.series(&left(setting, simulated));
+        whitened(setting, &setting.layout.series(simulated), rest, &self.late(&selected.state), &selected.whitening.noise, test)
     }
 
     /// The selection, contested again under noise that is louder where the robot accelerates, if stamps jitter: there scatter makes evidence

@@ -19,7 +19,7 @@ impl<'a> Search<'a> {
         there.columns.clone_from(&fit.columns);
         let fit = settled(&self.setting, &mut runner, whitening, there);
         let taken = fit.rank(&self.setting) as f64 + whitening.taken();
-        let noise = Noise::estimate(&left(&self.setting, &fit.simulated), &self.setting.layout, taken, &self.setting.floor);
+        let noise = self.setting.noise(&left(&self.setting, &fit.simulated), taken);
         renew(&self.setting, &mut runner, noise, &fit, effort)
     }
 

@@ -99,7 +99,8 @@ impl<'a> Search<'a> {
         let name = wide.narrower(values, self.setting.scene);
         let within = |i: &&usize| {
             let narrow = self.effect(**i).name();
-            narrow != wide.name() && (name == Some(narrow) || wide.contains().contains(&narrow))
+            let sought = narrow != wide.name() && !self.starts(**i).is_empty();
+            sought && (name == Some(narrow) || wide.contains().contains(&narrow))
         };
         let narrow: Vec<usize> = self.open.iter().filter(within).copied().collect();
         if narrow.is_empty() {
@@ -133,6 +134,31 @@ impl<'a> Search<'a> {
         let best = self.open.iter().filter(|i| self.effect(**i).name() == name).find_map(|i| placed(*i))?;
         let by = self.only(selected, &State { effects: rest.and(best.effect), fit: best.fit })?;
         self.explains_as_much(&by, selected, &rest).then(|| succeeding(selected, member, by))
+    }
+
+    /// The selection with its members by the names under which a person is told of them, and without rivals of the same name.
+    pub(crate) fn told(&self, mut selected: Selected) -> Selected {
+        let values = self.values(&selected.state);
+        for member in self.fixed(&selected)..selected.state.effects.len() {
+            let found = self.told_as(selected.state.effects[member], &values[member]);
+            selected.state.effects[member] = found;
+            let same = |r: &Rival| self.values(&r.state).last().map(|values| self.effect(self.told_as(r.effect, values)).name());
+            if let Some(rivals) = selected.rivals.get_mut(member) {
+                rivals.retain(|r| same(r) != Some(self.effect(found).name()));
+            }
+        }
+        selected
+    }
+
+    /// The effect as which another one is told with its values: itself, or one with the same parameters.
+    fn told_as(&self, effect: usize, values: &[f64]) -> usize {
+        let found = self.effect(effect);
+        let Some(name) = found.told_as(values) else { return effect };
+        let same = |i: &&usize| {
+            let other = self.effect(**i);
+            other.name() == name && other.parameters(self.setting.scene) == found.parameters(self.setting.scene)
+        };
+        self.open.iter().find(same).copied().unwrap_or(effect)
     }
 
     /// What the selection is with each law in a member's place that contains it.

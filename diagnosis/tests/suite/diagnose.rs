@@ -157,6 +157,31 @@ fn the_same_question_has_the_same_answer() {
     assert_eq!(ask(&data, None), ask(&data, None));
 }
 
+/// What rounding adds stays as long as the robot keeps its speed, and is no motion.
+#[test]
+fn a_coarse_readout_is_noise() {
+    let rounded = |mut data: Dataset| {
+        for (output, step) in data.stretches[0].outputs.iter_mut().zip([0.06, 0.12]) {
+            output.iter_mut().for_each(|y| *y = (*y / step).round() * step);
+        }
+        data
+    };
+    let drag = QuadraticDrag::default();
+    let hidden: [(&Hidden<'_>, &[&str]); 2] = [(&[], &[]), (&[(&drag, &[0.15, 0.0, 2.0])], &["quadratic_drag"])];
+    for (effects, told) in hidden {
+        for seed in 81..85 {
+            let diagnosis = ask(&rounded(record(seed, 1500, true, effects, 0.0)), None);
+            let found: Vec<&str> = names(&diagnosis).into_iter().filter(|name| *name != "encoder_quantisation").collect();
+            assert_eq!(found, told, "{seed}: {}", diagnosis.headline);
+            // What is recorded is shown as it is, and less of it is noise.
+            let shown = &diagnosis.training;
+            let rows = shown.measured.stretches[0].outputs[0].iter().zip(&shown.after[0][0]);
+            let left = (rows.map(|(y, x)| (y - x).powi(2)).sum::<f64>() / shown.after[0][0].len() as f64).sqrt();
+            assert!(diagnosis.noise[0] < 0.98 * left, "{seed}: {} of {left}", diagnosis.noise[0]);
+        }
+    }
+}
+
 #[test]
 fn parameters_that_are_held_stay_and_their_fault_is_found() {
     let delay = CommandDelay::default();

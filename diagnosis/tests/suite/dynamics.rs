@@ -27,17 +27,21 @@ fn coulomb_friction_brakes_each_wheel() {
         let error = rig.load_error(&CoulombFriction::default(), &[c, ratio], |x| off(wheels(x).map(|s| c * rig.sign(s)), ratio));
         assert!(error < 3e-4, "{error}");
     }
-    let each = CoulombFrictionOneWheel { wheel: None };
-    let error = rig.load_error(&each, &[0.02, 0.05, 1.4], |x| {
-        let [left, right] = wheels(x).map(|s| rig.sign(s));
-        off([0.02 * left, 0.05 * right], 1.4)
-    });
-    assert!(error < 3e-4, "{error}");
+    let each: [&dyn Effect; 2] = [&CoulombFrictionOneWheel { wheel: None }, &CoulombFriction { law: FrictionLaw::Sided }];
+    for each in each {
+        let error = rig.load_error(each, &[0.02, 0.05, 1.4], |x| {
+            let [left, right] = wheels(x).map(|s| rig.sign(s));
+            off([0.02 * left, 0.05 * right], 1.4)
+        });
+        assert!(error < 3e-4, "{error}");
+    }
     let rig = sides();
     let error = rig.load_error(&CoulombFriction::default(), &[0.2], |x| x.map(|s| 0.2 * rig.sign(s)));
     assert!(error < 3e-4, "{error}");
-    let error = rig.load_error(&each, &[0.2, 0.3], |[l, r]| [0.2 * rig.sign(l), 0.3 * rig.sign(r)]);
-    assert!(error < 3e-4, "{error}");
+    for each in each {
+        let error = rig.load_error(each, &[0.2, 0.3], |[l, r]| [0.2 * rig.sign(l), 0.3 * rig.sign(r)]);
+        assert!(error < 3e-4, "{error}");
+    }
 }
 
 #[test]

@@ -5,7 +5,8 @@ use rand::{Rng, SeedableRng};
 use wheelwright_core::effect::Effect;
 use wheelwright_core::{Dataset, Stretch};
 use wheelwright_diagnosis::effects::{
-    CastorDrag, CastorKind, CommandOffset, CoulombFriction, CoulombFrictionOneWheel, DirectionAsymmetry, RollingResistance, Wheel,
+    CastorDrag, CastorKind, CommandOffset, CoulombFriction, CoulombFrictionOneWheel, DirectionAsymmetry, FrictionLaw, RollingResistance,
+    Wheel,
 };
 use wheelwright_diagnosis::{Diagnosis, Question, Verdict, diagnose};
 
@@ -38,6 +39,27 @@ fn a_wider_law_that_explains_hardly_more_is_no_other_explanation() {
             diagnosis.headline
         );
         assert!(diagnosis.effects[0].alternatives.is_empty(), "{seed}: {:?}", diagnosis.effects[0].alternatives);
+    }
+}
+
+/// Friction that differs between the wheels is that of both of them as long as the lesser one is nearer to the other than to nothing.
+#[test]
+fn friction_of_nearly_one_size_is_that_of_both_wheels() {
+    let each = CoulombFrictionOneWheel { wheel: None };
+    let library: Vec<Box<dyn Effect>> = vec![
+        Box::new(CoulombFriction::default()),
+        Box::new(CoulombFriction { law: FrictionLaw::Sided }),
+        Box::new(each.clone()),
+        Box::new(CoulombFrictionOneWheel { wheel: Some(Wheel::Left) }),
+        Box::new(CoulombFrictionOneWheel { wheel: Some(Wheel::Right) }),
+    ];
+    for (left, name) in [(0.02, "coulomb_friction"), (0.006, "coulomb_friction_one_wheel")] {
+        let diagnosis = among(&library, &record(7, 600, true, &[(&each, &[left, 0.03, 1.0])], 0.0), None);
+        assert_eq!((diagnosis.verdict, names(&diagnosis)), (Verdict::Explained, vec![name]), "{left}: {}", diagnosis.headline);
+        let found = &diagnosis.effects[0];
+        assert!(found.statement.contains("at the left wheel and"), "{}", found.statement);
+        assert!((found.values[0] - left).abs() < 0.003 && (found.values[1] - 0.03).abs() < 0.003, "{:?}", found.values);
+        assert!(found.alternatives.is_empty(), "{left}: {:?}", found.alternatives);
     }
 }
 
