@@ -47,7 +47,7 @@ pub struct Comparison<'a> {
     pub since: Option<f64>,
     /// By how much commands were found to come late \[s\]: one time for all inputs, one each, or none.
     pub late: &'a [f64],
-    /// Measured − `model`, a stretch each, without what [rounding](crate::unrounded) adds on average.
+    /// Measured − `model`, a stretch each, without what rounding adds on average.
     pub rest: &'a [Channels],
     /// The same whitened, of unit variance.
     pub white: &'a [Channels],

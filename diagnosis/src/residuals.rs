@@ -23,7 +23,7 @@ pub struct Residuals<'a> {
     pub base: Series,
     /// Free run of the final model; equal to `base` where no effect was found.
     pub last: Series,
-    /// Recording minus `last`, without what [rounding](crate::unrounded) adds on average.
+    /// Recording minus `last`, without what rounding adds on average.
     pub left: Series,
     /// Step in which each output is recorded; zero where there is none.
     pub rounded: Vec<f64>,
