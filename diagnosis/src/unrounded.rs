@@ -94,21 +94,25 @@ impl Readout {
     }
 }
 
-/// The readout of an output, where decisively less is left beside a simulation without what it adds on average.
-pub(crate) fn readout(data: &Dataset, simulated: &[Channels], output: usize) -> Option<Readout> {
+/// The readout of an output that is recorded in so much a step, where decisively less is left beside a simulation without what it adds on average.
+pub(crate) fn readout(step: f64, data: &Dataset, simulated: &[Channels], output: usize) -> Option<Readout> {
     let rows = data.stretches.iter().zip(simulated);
     let values: Vec<(f64, f64)> = rows.flat_map(|(s, run)| s.outputs[output].iter().copied().zip(run[output].iter().copied())).collect();
     let left = |added: &dyn Fn(f64) -> f64| values.iter().map(|(y, x)| (y - x - added(*x)).powi(2)).sum::<f64>();
     let (plain, count) = (left(&|_| 0.0), values.len() as f64);
-    // A fine step is blurred by whatever is left.
-    let step = step(data, output).filter(|step| count * step * step > plain)?;
+    // A fine step is blurred by whatever is left, and none is nothing.
+    let coarse = count * step * step > plain;
+    if !coarse {
+        return None;
+    }
     let readout = Readout::likeliest(step, &values);
     (count * (plain / left(&|x| readout.moments(x).0)).ln() > DECISIVE).then_some(readout)
 }
 
 /// A recording without what rounding adds on average, where that shows beside a simulation of it.
 pub(crate) fn unrounded(data: &Dataset, simulated: &[Channels]) -> Option<Dataset> {
-    let readouts: Vec<Option<Readout>> = (0..data.outputs.len()).map(|output| readout(data, simulated, output)).collect();
+    let of = |output: usize| readout(step(data, output)?, data, simulated, output);
+    let readouts: Vec<Option<Readout>> = (0..data.outputs.len()).map(of).collect();
     let mut read = data.clone();
     for (stretch, run) in read.stretches.iter_mut().zip(simulated) {
         for ((values, run), readout) in stretch.outputs.iter_mut().zip(run).zip(&readouts) {

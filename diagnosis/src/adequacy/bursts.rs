@@ -95,7 +95,7 @@ fn squares(comparison: &Comparison<'_>, jitter: Option<&Jitter>) -> Vec<f64> {
 
 /// Variance of each value of an output about what rounding adds on average, over its mean; where it is less than that, 1: seldom it is as large all the same.
 fn loudness(comparison: &Comparison<'_>, output: usize) -> Option<Vec<f64>> {
-    let readout = readout(comparison.data, comparison.model, output)?;
+    let readout = readout(comparison.rounded[output], comparison.data, comparison.model, output)?;
     let variances: Vec<f64> = comparison.model.iter().flat_map(|run| &run[output]).map(|x| readout.moments(*x).1).collect();
     let mean = variances.iter().sum::<f64>() / variances.len() as f64;
     Some(variances.into_iter().map(|variance| (variance / mean).max(1.0)).collect())

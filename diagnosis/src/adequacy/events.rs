@@ -40,10 +40,8 @@ fn of(comparison: &Comparison<'_>, output: usize) -> Option<Events> {
     let stretches = &comparison.data.stretches;
     let left: Vec<Vec<f64>> = (0..stretches.len()).map(|s| comparison.left(s, output).collect()).collect();
     // What rounding moves to the next step is not far out, however seldom it does.
-    let step = comparison.rounded[output];
-    let most = (ASTRAY * spread(left.iter().map(Vec::as_slice), 0.0)?).max(step);
-    let most_new =
-        (ASTRAY * spread(comparison.white.iter().map(|white| white[output].as_slice()), 0.0)?).max(step / comparison.noise[output]);
+    let most = (ASTRAY * spread(left.iter().map(Vec::as_slice), 0.0)?).max(comparison.rounded[output]);
+    let most_new = (ASTRAY * spread(comparison.white.iter().map(|white| white[output].as_slice()), 0.0)?).max(comparison.ordinary(output));
     let (mut far, mut following, mut events, mut excess, mut first) = (0_usize, 0_usize, 0_usize, 0.0, f64::INFINITY);
     for ((stretch, white), left) in stretches.iter().zip(comparison.white).zip(&left) {
         let mut run = 0_usize;

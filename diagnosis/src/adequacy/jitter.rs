@@ -16,6 +16,9 @@ const CUT: f64 = 9.0;
 /// Share of the noise's variance, on the average over the scatter that jitter makes, below which other noise covers it.
 const COVERED: f64 = 0.1;
 
+/// Share of the noise's variance that rounding to a step makes, q²/12, from which on it hangs on the motion how loud it is.
+const ROUNDED: f64 = 0.5;
+
 /// Standard errors by which noise must grow: their square is the evidence that a parameter must have to be searched for (ln N + 2 ln 50).
 pub(super) const SURE: f64 = 4.0;
 
@@ -42,9 +45,6 @@ pub struct Jitter {
     /// Share of the noise's variance that is there where nothing changes.
     pub still: f64,
 }
-
-/// Share of the noise's variance that rounding to a step makes, q²/12, from which on it hangs on the motion how loud it is.
-const ROUNDED: f64 = 0.5;
 
 pub(super) fn find(comparison: &Comparison<'_>) -> Option<Jitter> {
     let found = found_where(comparison, &|_, _| true)?;
