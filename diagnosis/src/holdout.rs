@@ -7,6 +7,7 @@ use wheelwright_core::{Dataset, Stretch};
 
 use crate::adequacy::Jitter;
 use crate::decide::LEFT_OVER;
+use crate::fit::layout::unsettled;
 use crate::noise::{HUBER, Noise};
 use crate::residuals::Series;
 
@@ -164,34 +165,48 @@ impl Loss {
     }
 }
 
-/// The mean of the outputs' robust losses.
-pub(crate) fn loss(data: &Dataset, simulated: &Series, noise: &[f64], jitter: Option<Jitter>) -> f64 {
-    mean(&losses(data, simulated, noise, jitter))
+/// A free run over data. What moves before a stretch has settled hangs on what nobody recorded, and is not counted.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Run<'a> {
+    pub(crate) data: &'a Dataset,
+    pub(crate) scene: &'a Scene,
+    pub(crate) simulated: &'a Series,
 }
 
-/// The loss of each output.
-pub(crate) fn losses(data: &Dataset, simulated: &Series, noise: &[f64], jitter: Option<Jitter>) -> Vec<Loss> {
-    each_output(data, simulated, noise, jitter, |scaled| scaled)
-}
+impl Run<'_> {
+    /// The mean of the outputs' robust losses.
+    pub(crate) fn loss(&self, noise: &[f64], jitter: Option<Jitter>) -> f64 {
+        mean(&self.losses(noise, jitter))
+    }
 
-/// The same of what errors change by from sample to sample, as of independent ones.
-fn quick(data: &Dataset, simulated: &Series, noise: &[f64], jitter: Option<Jitter>) -> Vec<Loss> {
-    let changes = |scaled: Vec<f64>| scaled.windows(2).map(|w| (w[1] - w[0]) * std::f64::consts::FRAC_1_SQRT_2).collect();
-    each_output(data, simulated, noise, jitter, changes)
-}
+    /// The loss of each output.
+    pub(crate) fn losses(&self, noise: &[f64], jitter: Option<Jitter>) -> Vec<Loss> {
+        self.each_output(noise, jitter, |scaled| scaled)
+    }
 
-fn each_output(data: &Dataset, simulated: &Series, noise: &[f64], jitter: Option<Jitter>, of: impl Fn(Vec<f64>) -> Vec<f64>) -> Vec<Loss> {
-    let output = |(c, noise): (usize, &f64)| {
-        let stretch = |(stretch, run): (&Stretch, &Vec<Vec<f64>>)| {
-            let errors = stretch.outputs[c].iter().zip(&run[c]).map(|(y, s)| (y - s) / noise);
-            of(match jitter {
-                Some(jitter) => errors.zip(jitter.slope(&stretch.time, &run[c])).map(|(x, d)| x / jitter.scatter(d, *noise)).collect(),
-                None => errors.collect(),
-            })
+    /// The same of what errors change by from sample to sample, as of independent ones.
+    fn quick(&self, noise: &[f64], jitter: Option<Jitter>) -> Vec<Loss> {
+        let changes = |scaled: Vec<f64>| scaled.windows(2).map(|w| (w[1] - w[0]) * std::f64::consts::FRAC_1_SQRT_2).collect();
+        self.each_output(noise, jitter, changes)
+    }
+
+    fn each_output(&self, noise: &[f64], jitter: Option<Jitter>, of: impl Fn(Vec<f64>) -> Vec<f64>) -> Vec<Loss> {
+        let output = |(c, noise): (usize, &f64)| {
+            let stretch = |(stretch, run): (&Stretch, &Vec<Vec<f64>>)| {
+                let first = unsettled(self.scene, stretch);
+                let errors = stretch.outputs[c].iter().zip(&run[c]).map(|(y, s)| (y - s) / noise);
+                of(match jitter {
+                    Some(jitter) => {
+                        let scatter = jitter.slope(&stretch.time, &run[c]).into_iter().map(|d| jitter.scatter(d, *noise));
+                        errors.zip(scatter).skip(first).map(|(x, by)| x / by).collect()
+                    }
+                    None => errors.skip(first).collect(),
+                })
+            };
+            Loss::of(&self.data.stretches.iter().zip(self.simulated).flat_map(stretch).collect::<Vec<_>>())
         };
-        Loss::of(&data.stretches.iter().zip(simulated).flat_map(stretch).collect::<Vec<_>>())
-    };
-    noise.iter().enumerate().map(output).collect()
+        noise.iter().enumerate().map(output).collect()
+    }
 }
 
 /// The mean of robust losses.
@@ -201,8 +216,8 @@ pub(crate) fn mean(losses: &[Loss]) -> f64 {
 
 /// An explanation's free runs over the data it was fitted to and over others, with what it takes for noise.
 pub(crate) struct Runs<'a> {
-    pub(crate) training: (&'a Dataset, &'a Series),
-    pub(crate) held_out: (&'a Dataset, &'a Series),
+    pub(crate) training: Run<'a>,
+    pub(crate) held_out: Run<'a>,
     pub(crate) noise: &'a Noise,
     pub(crate) jitter: Option<Jitter>,
 }
@@ -213,10 +228,10 @@ impl Runs<'_> {
     /// recording. Up to a bound: quick motion that is missed changes from sample to sample as well.
     pub(crate) fn floor(&self) -> Vec<Floor> {
         let deviation = &self.noise.deviation;
-        let of = |(data, run): (&Dataset, &Series)| quick(data, run, deviation, self.jitter);
+        let of = |run: Run<'_>| run.quick(deviation, self.jitter);
         let louder = of(self.held_out).into_iter().zip(of(self.training)).map(|(there, here)| there.robust / here.robust);
-        let trained = losses(self.training.0, self.training.1, deviation, self.jitter);
-        let rows = [self.training.0.samples(), self.held_out.0.samples()];
+        let trained = self.training.losses(deviation, self.jitter);
+        let rows = [self.training.data.samples(), self.held_out.data.samples()];
         let floor = |(c, (loss, louder)): (usize, (&Loss, f64))| Floor {
             loss: loss.times(if louder.is_finite() { louder.clamp(1.0, LOUDEST) } else { 1.0 }),
             chance: rows.map(|rows| self.noise.scatter(c, rows)).into_iter().fold(0.0, f64::hypot),
@@ -276,16 +291,17 @@ pub(crate) struct BorneOut {
 impl BorneOut {
     /// By regression of the errors without the effect on what it changes, both whitened. `gain` is twice the log-likelihood that the effect has
     /// gained on the data it was fitted to: so far its size is known.
-    pub(crate) fn new(noise: &Noise, data: &Dataset, with: &Series, without: &Series, gain: f64) -> Self {
+    pub(crate) fn new(noise: &Noise, with: Run<'_>, without: &Series, gain: f64) -> Self {
         let (mut shown, mut found, mut left, mut values) = (0.0, 0.0, 0.0, 0.0);
-        for ((stretch, with), without) in data.stretches.iter().zip(with).zip(without) {
+        for ((stretch, simulated), without) in with.data.stretches.iter().zip(with.simulated).zip(without) {
+            let first = unsettled(with.scene, stretch);
             for (c, measured) in stretch.outputs.iter().enumerate() {
                 let white = |a: &[f64]| {
                     let mut difference: Vec<f64> = a.iter().zip(&without[c]).map(|(a, b)| a - b).collect();
                     noise.whiten_output(c, &mut difference);
                     difference
                 };
-                for (change, error) in white(&with[c]).into_iter().zip(white(measured)) {
+                for (change, error) in white(&simulated[c]).into_iter().zip(white(measured)).skip(first) {
                     shown += change * change;
                     found += change * error;
                     left += (error - change).powi(2);
@@ -346,6 +362,11 @@ mod tests {
         assert_eq!([1.9, 2.5].map(|after| transfer(&both([2.0; 2]), &both([after; 2]), &slow)), [Transfer::Holds, Transfer::Fails]);
     }
 
+    /// The true motion of a case.
+    fn over(case: &Case) -> Run<'_> {
+        Run { data: &case.data, scene: &case.scene, simulated: &case.truth }
+    }
+
     /// Held-out data asked about an effect that changes them by `size` standard deviations of their noise, and of which a share is there.
     fn asked(share: f64, size: f64, gain: f64) -> BorneOut {
         let change = |t: f64, output: usize| size * NOISE[output] * t.sin();
@@ -357,7 +378,7 @@ mod tests {
             }
         }
         let noise = Noise::white(&NOISE, &Layout::of(&case.data, &case.scene));
-        BorneOut::new(&noise, &case.data, &with, &case.truth, gain)
+        BorneOut::new(&noise, Run { simulated: &with, ..over(&case) }, &case.truth, gain)
     }
 
     #[test]
@@ -377,27 +398,49 @@ mod tests {
         let trained = Case::clean(11);
         let noise = Noise::white(&NOISE, &Layout::of(&trained.data, &trained.scene));
         let floor = |held: &Case| {
-            let runs = Runs { training: (&trained.data, &trained.truth), held_out: (&held.data, &held.truth), noise: &noise, jitter: None };
-            level(&runs.floor()) / loss(&trained.data, &trained.truth, &NOISE, None)
+            let runs = Runs { training: over(&trained), held_out: over(held), noise: &noise, jitter: None };
+            level(&runs.floor()) / over(&trained).loss(&NOISE, None)
         };
         let louder = Case::new(12, |_, i, y, _, random| y + 1.5 * NOISE[i] * normal(random));
-        let expected = loss(&louder.data, &louder.truth, &NOISE, None) / loss(&trained.data, &trained.truth, &NOISE, None);
+        let expected = over(&louder).loss(&NOISE, None) / over(&trained).loss(&NOISE, None);
         assert!((floor(&louder) / expected - 1.0).abs() < 0.1, "{} for {expected}", floor(&louder));
         let shaken = Case::new(15, |_, i, y, _, random| y + 4.0 * NOISE[i] * normal(random));
         assert!((floor(&shaken) / LOUDEST - 1.0).abs() < 1e-9, "{}", floor(&shaken));
         let missed = Case::new(13, |t, i, y, _, random| y + NOISE[i] * (normal(random) + 2.0 * (2.0 * t).sin()));
-        assert!(floor(&missed) < 1.2 && loss(&missed.data, &missed.truth, &NOISE, None) > 2.0, "{}", floor(&missed));
+        assert!(floor(&missed) < 1.2 && over(&missed).loss(&NOISE, None) > 2.0, "{}", floor(&missed));
         let quieter = Case::new(14, |_, i, y, _, random| y + 0.5 * NOISE[i] * normal(random));
         assert!(floor(&quieter) <= 1.0 + 1e-12, "{}", floor(&quieter));
+    }
+
+    #[test]
+    fn what_moves_before_a_stretch_has_settled_is_not_counted() {
+        // In motion from the start: what came before it is still at work.
+        let mut case = Case::clean(8);
+        let rows = 30..case.truth[0][0].len();
+        for (stretch, run) in case.data.stretches.iter_mut().zip(&mut case.truth) {
+            *stretch = stretch.slice(rows.clone());
+            run.iter_mut().for_each(|series| *series = series[rows.clone()].to_vec());
+        }
+        case.scene = case.scene.like(&case.data, None);
+        let first: Vec<usize> = case.data.stretches.iter().map(|stretch| unsettled(&case.scene, stretch)).collect();
+        assert!(first.iter().any(|first| *first > 0), "{first:?}");
+        let usual = over(&case).loss(&NOISE, None);
+        let mut off = case.truth.clone();
+        for (run, first) in off.iter_mut().zip(&first) {
+            run.iter_mut().for_each(|series| series[..*first].iter_mut().for_each(|y| *y += 0.3));
+        }
+        assert_eq!(Run { simulated: &off, ..over(&case) }.loss(&NOISE, None), usual);
+        off.iter_mut().flatten().for_each(|series| series.iter_mut().for_each(|y| *y += 0.02));
+        assert!(Run { simulated: &off, ..over(&case) }.loss(&NOISE, None) > 2.0 * usual);
     }
 
     #[test]
     fn stamps_that_jitter_scatter_more_where_more_changes() {
         let jitter = Jitter { of: Scatter::Stamps, deviation: 0.03, error: 0.0, z: 0.0, still: 1.0 };
         let case = Case::new(7, |_, i, y, slope, random| y + NOISE[i] * normal(random) + jitter.deviation * slope * normal(random));
-        let of = |jitter| loss(&case.data, &case.truth, &NOISE, jitter);
+        let of = |jitter| over(&case).loss(&NOISE, jitter);
         let calm = Case::clean(7);
-        let usual = loss(&calm.data, &calm.truth, &NOISE, None);
+        let usual = over(&calm).loss(&NOISE, None);
         assert!(of(None) > 1.5 * usual, "{} for {usual}", of(None));
         assert!((of(Some(jitter)) / usual - 1.0).abs() < 0.1, "{} for {usual}", of(Some(jitter)));
     }

@@ -19,7 +19,7 @@ use wheelwright_core::effect::Scene;
 
 use crate::adequacy::Jitter;
 use crate::answer::{MENTIONED, always, clocks, mentioned, proven};
-use crate::holdout::{Runs, UNHURT, level, loss, shifted};
+use crate::holdout::{Run, Runs, UNHURT, level, shifted};
 use crate::leeway::{Court, Leeway, Moved};
 use crate::noise::Noise;
 use crate::question::Question;
@@ -39,15 +39,15 @@ pub(crate) fn judged(question: &Question<'_>, search: &Search<'_>, mut selected:
         search.exchange(&mut selected, first, Newest::Open);
     }
     selected = exchanged(&bench, search, selected);
+    let contested = |mut fewer: Selected| {
+        search.exchange(&mut fewer, first, Newest::Open);
+        exchanged(&bench, search, fewer)
+    };
     while let Some(fewer) = bench.borne_out(search, &selected) {
-        selected = fewer;
-        search.exchange(&mut selected, first, Newest::Open);
-        selected = exchanged(&bench, search, selected);
+        selected = contested(fewer);
     }
     while let Some(fewer) = bench.supported(search, &selected) {
-        selected = fewer;
-        search.exchange(&mut selected, first, Newest::Open);
-        selected = exchanged(&bench, search, selected);
+        selected = contested(fewer);
     }
     while let Some(more) = bench.further(search, &selected, first) {
         selected = exchanged(&bench, search, more);
@@ -131,7 +131,8 @@ impl<'q> Bench<'q> {
         let mut bench = Self { question, held, noise: noise.clone(), jitter, floor: 0.0, values: share * held.samples() as f64 };
         let floor = |data: &Dataset, scene: &Scene| {
             let run = proven(search, &selected.state, data, scene).simulated;
-            level(&Runs { training: (search.setting.data, &trained), held_out: (data, &run), noise, jitter }.floor())
+            let training = Run { data: search.setting.data, scene: search.setting.scene, simulated: &trained };
+            level(&Runs { training, held_out: Run { data, scene, simulated: &run }, noise, jitter }.floor())
         };
         bench.floor = bench.likeliest(search, floor);
         Some(bench)
@@ -139,14 +140,19 @@ impl<'q> Bench<'q> {
 
     /// Mean loss on the held-out data, on the likeliest clock.
     pub(crate) fn loss(&self, search: &Search<'_>, state: &State) -> f64 {
-        self.likeliest(search, |data, scene| loss(data, &proven(search, state, data, scene).simulated, &self.noise.deviation, self.jitter))
+        self.likeliest(search, |data, scene| self.of(data, scene, &proven(search, state, data, scene).simulated))
+    }
+
+    /// Mean loss of a free run.
+    fn of(&self, data: &Dataset, scene: &Scene, simulated: &Series) -> f64 {
+        Run { data, scene, simulated }.loss(&self.noise.deviation, self.jitter)
     }
 
     /// The same with the leeway that the training data leave, and what it costs there.
     fn with_leeway(&self, search: &Search<'_>, state: &State) -> f64 {
         let leeway = Leeway::new(search, state, &self.noise);
         let moved = self.likeliest(search, |data, scene| match leeway.moved(data, scene) {
-            Some(Moved { simulated, cost, .. }) => self.with_cost(loss(data, &simulated, &self.noise.deviation, self.jitter), cost),
+            Some(Moved { simulated, cost, .. }) => self.with_cost(self.of(data, scene, &simulated), cost),
             None => f64::INFINITY,
         });
         moved.min(self.loss(search, state))
@@ -214,8 +220,13 @@ impl<'q> Bench<'q> {
     fn widened(&self, search: &Search<'_>, selected: &Selected, own: f64) -> Option<Selected> {
         let wider = (search.fixed(selected)..selected.state.effects.len()).flat_map(|member| search.wider(selected, member));
         // As it was fitted a wider law says nothing where what it has beyond the narrow one is what the training data do not show.
-        let losses = wider.map(|wide| (self.with_leeway(search, &wide.state), wide)).filter(|(loss, _)| self.decisive(*loss, own));
-        losses.min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, wide)| wide)
+        let wider = wider.map(|wide| (self.with_leeway(search, &wide.state), wide)).filter(|(loss, _)| self.decisive(*loss, own));
+        let wider: Vec<(f64, Selected)> = wider.collect();
+        let least = wider.iter().map(|(loss, _)| *loss).fold(f64::INFINITY, f64::min);
+        let equals = wider.into_iter().filter(|(loss, _)| !self.decisive(least, *loss));
+        // Another form of what was found is no other cause.
+        let renamed = |wide: &Selected| search.names(&wide.state) != search.names(&selected.state);
+        equals.min_by(|a, b| renamed(&a.1).cmp(&renamed(&b.1)).then(a.0.total_cmp(&b.0))).map(|(_, wide)| wide)
     }
 
     /// The held-out error if it is decisively above that of the training data: something is imperfect there.

@@ -19,7 +19,7 @@ use crate::fit::algebra::{factor, gram};
 use crate::fit::layout::Layout;
 use crate::fit::search::parts;
 use crate::fit::setting::{Runner, Setting};
-use crate::holdout::BorneOut;
+use crate::holdout::{BorneOut, Run};
 use crate::noise::{HUBER, Noise};
 use crate::residuals::Series;
 use crate::select::{Search, State};
@@ -86,6 +86,7 @@ impl<'s, 'a> Leeway<'s, 'a> {
             let (error, weights) = weighed(&setting, &run, noise);
             let mut columns: Vec<Vec<f64>> = (0..point.x.len()).map(|j| runner.column(&point, j, &run)).collect();
             columns.push(error);
+            columns.iter_mut().for_each(|column| setting.layout.settle(column));
             let columns: Vec<&[f64]> = columns.iter().map(Vec::as_slice).collect();
             let x = DVector::from_column_slice(&point.x);
             let system = gram(&columns, &parts(&setting), &weights) + prior(known, &(&x - &first));
@@ -138,7 +139,7 @@ impl<'l, 'd> Court<'l, 'd> {
     pub(crate) fn refutes(&self, rest: &State, without: &Series) -> bool {
         let Leeway { search, state, noise, .. } = self.leeway;
         let gain = search.gain(&state.fit, rest);
-        let by = |data: &Dataset| BorneOut::new(noise, data, self.with, without, gain).refuted();
+        let by = |data: &Dataset| BorneOut::new(noise, Run { data, scene: self.scene, simulated: self.with }, without, gain).refuted();
         let eased = || self.eased.get_or_init(|| self.leeway.eased(self.data, self.scene));
         by(self.data) && eased().as_ref().is_none_or(by)
     }
@@ -182,7 +183,6 @@ mod tests {
     use super::*;
     use crate::diagnose::{setting, surroundings};
     use crate::fixture::{NOISE, THETA, TRACK, normal};
-    use crate::holdout::loss;
     use crate::question::Question;
 
     /// A recording of a robot that turns or does not.
@@ -218,7 +218,8 @@ mod tests {
         let point = there.point(state.fit.point.x.clone());
         assert!(Runner::new(&there, &[], &point).unwrap().run(&point.x, &point.starts, &mut given));
         let Moved { simulated, cost, .. } = Leeway::new(&start.search, &state, &noise).moved(held, &other).unwrap();
-        (loss(held, &there.layout.series(&given), &NOISE, None), loss(held, &simulated, &NOISE, None), cost)
+        let loss = |run: &Series| Run { data: held, scene: &other, simulated: run }.loss(&NOISE, None);
+        (loss(&there.layout.series(&given)), loss(&simulated), cost)
     }
 
     #[test]

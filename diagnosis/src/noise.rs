@@ -118,8 +118,8 @@ impl Noise {
     /// Weights by the size of each innovation, and the innovations' deviation as the bulk shows it.
     fn weigh(&mut self, white: &[f64], layout: &Layout) {
         for c in 0..layout.outputs() {
-            let Some(spread) = spread((0..layout.stretches()).map(|s| &white[layout.settled(c, s)]), 1.0) else { continue };
-            let far = (HUBER * spread).max(self.ordinary[c] / self.innovation[c]);
+            let settled = (0..layout.stretches()).map(|s| &white[layout.settled(c, s)]);
+            let Some(far) = far(settled, 1.0, HUBER, self.ordinary[c] / self.innovation[c]) else { continue };
             for s in 0..layout.stretches() {
                 let counted = self.weights[s][c].iter_mut().skip(layout.unsettled(s));
                 for (w, x) in counted.zip(&white[layout.settled(c, s)]) {
@@ -224,8 +224,7 @@ pub(crate) fn whitener(rest: &[Vec<f64>], columns: &[Vec<Vec<f64>>], ordinary: f
 
 /// Draws in what is far out of innovations of unit variance, beyond an `ordinary` size: heavy tails are no physics.
 pub(crate) fn draw_in(innovations: &mut [f64], ordinary: f64) {
-    if let Some(spread) = spread(std::iter::once(&*innovations), 1.0) {
-        let far = (HUBER * spread).max(ordinary);
+    if let Some(far) = far(std::iter::once(&*innovations), 1.0, HUBER, ordinary) {
         innovations.iter_mut().for_each(|x| *x = x.clamp(-far, far));
     }
 }
@@ -240,9 +239,15 @@ pub(crate) fn products(parts: &[impl AsRef<[f64]>], lag: usize) -> f64 {
     parts.iter().map(AsRef::as_ref).map(|part| part.iter().zip(part.iter().skip(lag)).map(|(a, b)| a * b).sum::<f64>()).sum()
 }
 
+/// What is far out of values whose root mean square is about `size`: so many robust standard deviations, and never below an `ordinary` size. `None` as for
+/// [`spread`].
+pub(crate) fn far<'v>(parts: impl Iterator<Item = &'v [f64]>, size: f64, deviations: f64, ordinary: f64) -> Option<f64> {
+    spread(parts, size).map(|spread| (deviations * spread).max(ordinary))
+}
+
 /// Robust standard deviation of values whose root mean square is about `size`. `None` where more than half of them are exactly alike (a coarse
 /// lattice): the bulk has no spread to go by.
-pub(crate) fn spread<'v>(parts: impl Iterator<Item = &'v [f64]>, size: f64) -> Option<f64> {
+fn spread<'v>(parts: impl Iterator<Item = &'v [f64]>, size: f64) -> Option<f64> {
     let mut sizes: Vec<f64> = parts.flatten().map(|x| x.abs()).collect();
     if sizes.is_empty() {
         return None;
@@ -272,7 +277,7 @@ impl Filter {
         if variance.is_nan() || variance <= floor * floor {
             return (white, variance.max(0.0), variance.max(0.0));
         }
-        let most = spread(parts.iter().copied(), variance.sqrt()).map_or(f64::INFINITY, |spread| (ASTRAY * spread).max(ordinary));
+        let most = far(parts.iter().copied(), variance.sqrt(), ASTRAY, ordinary).unwrap_or(f64::INFINITY);
         let bulk: Vec<Vec<f64>> = parts.iter().map(|part| part.iter().map(|x| if x.abs() > most { 0.0 } else { *x }).collect()).collect();
         let covariance: Vec<f64> = (0..=longest).map(|lag| (products(&bulk, lag) + short(lag)) / rows as f64).collect();
         let (mut coefficients, mut variances) = (vec![Vec::new()], vec![covariance[0]]);

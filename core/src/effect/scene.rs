@@ -10,6 +10,9 @@ use super::{Frame, course};
 /// Share of an output's root mean square below which it counts as none at the start of a stretch: noise of a few percent.
 const STANDING: f64 = 0.1;
 
+/// By how much a command may differ from the speed that it has settled at, as a share of that.
+const SETTLED: f64 = 0.2;
+
 /// Typical sizes in the recording that is diagnosed: search ranges and the width of a friction's kink are shares of them.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Scales {
@@ -199,10 +202,19 @@ impl Instant<'_> {
         }
     }
 
-    /// The command of an input before the stretch began: none for a robot that stood still, its first otherwise, for want of
-    /// better knowledge.
+    /// The command of an input before the stretch began: none for a robot that stood still. In motion its first, as far as that may be what its
+    /// speed has settled at: where speeds are commanded, and the first is another, it has just come.
     pub fn before(&self, input: usize) -> f64 {
-        if self.track.from_rest { 0.0 } else { self.stretch.inputs[input][0] }
+        let Stretch { inputs, outputs, .. } = self.stretch;
+        let first = inputs[input][0];
+        match (self.scene.frame, outputs.get(input).and_then(|own| own.first())) {
+            _ if self.track.from_rest => 0.0,
+            (Frame::Body { .. }, Some(speed)) => {
+                let near = SETTLED * speed.abs();
+                speed + (first - speed).clamp(-near, near)
+            }
+            _ => first,
+        }
     }
 
     /// The command of an input that was held at an earlier time.

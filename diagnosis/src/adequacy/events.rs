@@ -8,7 +8,7 @@
 use statrs::distribution::{DiscreteCDF, Poisson};
 
 use crate::comparison::Comparison;
-use crate::noise::{ASTRAY, spread};
+use crate::noise::{ASTRAY, far};
 
 use super::bursts::FALSE_ALARM;
 
@@ -40,9 +40,10 @@ fn of(comparison: &Comparison<'_>, output: usize) -> Option<Events> {
     let stretches = &comparison.data.stretches;
     let left: Vec<Vec<f64>> = (0..stretches.len()).map(|s| comparison.left(s, output).collect()).collect();
     // What rounding moves to the next step is not far out, however seldom it does.
-    let most = (ASTRAY * spread(left.iter().map(Vec::as_slice), 0.0)?).max(comparison.rounded[output]);
-    let most_new = (ASTRAY * spread(comparison.white.iter().map(|white| white[output].as_slice()), 0.0)?).max(comparison.ordinary(output));
-    let (mut far, mut following, mut events, mut excess, mut first) = (0_usize, 0_usize, 0_usize, 0.0, f64::INFINITY);
+    let most = far(left.iter().map(Vec::as_slice), 0.0, ASTRAY, comparison.rounded[output])?;
+    let white = comparison.white.iter().map(|white| white[output].as_slice());
+    let most_new = far(white, 0.0, ASTRAY, comparison.ordinary(output))?;
+    let (mut astray, mut following, mut events, mut excess, mut first) = (0_usize, 0_usize, 0_usize, 0.0, f64::INFINITY);
     for ((stretch, white), left) in stretches.iter().zip(comparison.white).zip(&left) {
         let mut run = 0_usize;
         for (k, (x, e)) in left.iter().zip(&white[output]).enumerate() {
@@ -51,7 +52,7 @@ fn of(comparison: &Comparison<'_>, output: usize) -> Option<Events> {
                 continue;
             }
             run += 1;
-            far += 1;
+            astray += 1;
             following += usize::from(run > 1);
             excess += e * e;
             if run == 2 {
@@ -60,7 +61,7 @@ fn of(comparison: &Comparison<'_>, output: usize) -> Option<Events> {
             }
         }
     }
-    let chance = (far * far) as f64 / comparison.data.samples() as f64;
+    let chance = (astray * astray) as f64 / comparison.data.samples() as f64;
     let more = Poisson::new(chance).ok()?.sf(following.checked_sub(1)? as u64);
     let several = events >= SEVERAL && more < FALSE_ALARM / comparison.outputs() as f64;
     let lasts = (following + events) as f64 / events.max(1) as f64 * comparison.scene.scales.period;

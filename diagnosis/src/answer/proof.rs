@@ -5,7 +5,7 @@ use wheelwright_core::effect::Scene;
 
 use crate::finding::{Fits, Replay, Rung};
 use crate::fit::setting::Setting;
-use crate::holdout::{Explanation, Ground, Proof, Runs, Transfer, losses, shifted};
+use crate::holdout::{Explanation, Ground, Proof, Run, Runs, Transfer, shifted};
 use crate::question::Question;
 use crate::residuals::Series;
 use crate::select::{Search, State};
@@ -74,9 +74,11 @@ impl Proven {
         let jitter = search.jitter(selected);
         // What was reached is possible.
         let ceiling = (0..noise.len()).map(|c| ground.ceiling(c, noise[c]).max(after.fit[c])).collect();
-        let left = losses(&shifted, &before.simulated, noise, jitter);
+        let held_out = |simulated| Run { data: &shifted, scene: &scene, simulated };
+        let left = held_out(&before.simulated).losses(noise, jitter);
         let noise = &selected.whitening.noise;
-        let runs = Runs { training: (question.training, &trained.simulated), held_out: (&shifted, &after.simulated), noise, jitter };
+        let training_run = Run { data: question.training, scene: &whole, simulated: &trained.simulated };
+        let runs = Runs { training: training_run, held_out: held_out(&after.simulated), noise, jitter };
         let withouts: Vec<Option<(&State, Proof)>> = rests.iter().map(|r| r.as_ref().map(|r| (r, on(&shifted, &scene, r)))).collect();
         let there = There { search, selected, data: &shifted, scene: &scene, jitter, before: left, floor: runs.floor() };
         let runs: Vec<(&State, &Series)> = withouts.iter().flatten().map(|(rest, without)| (*rest, &without.simulated)).collect();

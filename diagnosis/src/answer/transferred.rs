@@ -5,7 +5,7 @@ use wheelwright_core::Dataset;
 use wheelwright_core::effect::Scene;
 
 use crate::adequacy::Jitter;
-use crate::holdout::{Floor, Loss, Transfer, foreign, losses, transfer};
+use crate::holdout::{Floor, Loss, Run, Transfer, foreign, transfer};
 use crate::leeway::{Court, Leeway};
 use crate::residuals::Series;
 use crate::select::{SHARE, Search, Selected, State};
@@ -60,7 +60,7 @@ impl There<'_, '_> {
     }
 
     fn losses(&self, run: &Series) -> Vec<Loss> {
-        losses(self.data, run, &self.selected.whitening.noise.deviation, self.jitter)
+        Run { data: self.data, scene: self.scene, simulated: run }.losses(&self.selected.whitening.noise.deviation, self.jitter)
     }
 
     fn holds(&self, after: &[Loss]) -> bool {

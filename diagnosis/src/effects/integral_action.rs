@@ -1,5 +1,6 @@
-//! The low-level loops integrate: i' = k (u − x), u' = u + i, on forward and angular velocity each. Against winding up |i| ends at a clamp, or what
-//! has gathered leaks: i' = k (u − x) − λ i.
+//! The low-level loops integrate: i' = k (u − c x), u' = u + i, on forward and angular velocity each. c is the speed that the loop goes by over the one that
+//! is recorded: it holds what it measures itself, with radii and a track that a person told it, or a reference that was scaled before. Against winding up |i|
+//! ends at a clamp, or what has gathered leaks: i' = k (u − c x) − λ i.
 
 use serde::{Deserialize, Serialize};
 use wheelwright_core::Effect;
@@ -23,6 +24,18 @@ const UNCLAMPED: f64 = 10.0;
 const CLAMPS: [f64; 6] = [0.6, 0.3, 0.15, 0.08, 0.04, 0.02];
 /// Leaks that are looked at \[1/s\].
 const LEAKS: [f64; 2] = [0.3, 1.5];
+/// By how much a loop usually goes by another speed than the one that is recorded: as well as radii and tracks are known.
+const CALIBRATED: f64 = 0.05;
+
+/// What is said of speeds that the loops go by, where one of them is surely not as recorded.
+fn goes_by(scales: &[Estimate]) -> String {
+    let surely = |scale: &Estimate| scale.ci95.is_some_and(|(from, to)| from > 1.0 || to < 1.0);
+    if !scales.iter().any(surely) {
+        return String::new();
+    }
+    let [forward, turn] = [scales[0], scales[1]].map(|scale| quantity(scale, "times"));
+    format!("; they go by {forward} the speed that is recorded forwards and {turn} in turning")
+}
 
 #[typetag::serde(name = "integral_action")]
 impl Effect for IntegralAction {
@@ -46,9 +59,10 @@ impl Effect for IntegralAction {
 
     fn parameters(&self, scene: &Scene) -> Vec<EffectParameter> {
         let gain = |axis: Axis| EffectParameter::new("integral_gain", "1/s", (0.0, 50.0), 0.2).neutral(0.0).of("axis", axis.name());
+        let scale = |axis: Axis| EffectParameter::new("scale", "1", (0.5, 2.0), 0.02).of("axis", axis.name()).usually(1.0, CALIBRATED);
         if self.leaky {
             let leak = EffectParameter::new("leak", "1/s", (0.0, 20.0), 0.2).neutral(0.0);
-            return vec![gain(Axis::V), gain(Axis::Omega), leak];
+            return vec![gain(Axis::V), gain(Axis::Omega), leak, scale(Axis::V), scale(Axis::Omega)];
         }
         let clamp = |axis: Axis| {
             let (typical, unit) = (scene.scales.inputs[axis.index()], &scene.inputs[axis.index()].unit);
@@ -59,15 +73,18 @@ impl Effect for IntegralAction {
                 .of("axis", axis.name())
                 .usually(bounds.1, bounds.1)
         };
-        vec![gain(Axis::V), gain(Axis::Omega), clamp(Axis::V), clamp(Axis::Omega)]
+        vec![gain(Axis::V), gain(Axis::Omega), clamp(Axis::V), clamp(Axis::Omega), scale(Axis::V), scale(Axis::Omega)]
     }
 
     fn starts(&self, scene: &Scene) -> Vec<Start> {
         if self.leaky {
-            return LEAKS.map(|leak| Start { values: vec![0.2, 0.2, leak], columns: vec![vec![0], vec![1]], linear: true }).into();
+            return LEAKS
+                .map(|leak| Start { values: vec![0.2, 0.2, leak, 1.0, 1.0], columns: vec![vec![0], vec![1]], linear: true })
+                .into();
         }
         let mut all = pairs([1.0, 1.0], &[0.15, 0.4, 1.0, 2.0, 4.0, 8.0]);
-        all.iter_mut().for_each(|start| start.values.extend([0, 1].map(|i| UNCLAMPED * scene.scales.inputs[i])));
+        let open = [0, 1].map(|i| UNCLAMPED * scene.scales.inputs[i]);
+        all.iter_mut().for_each(|start| start.values.extend(open.into_iter().chain([1.0, 1.0])));
         all
     }
 
@@ -86,10 +103,11 @@ impl Effect for IntegralAction {
 
     fn statement(&self, values: &[Estimate], scene: &Scene) -> String {
         let [forward, turn] = [values[0], values[1]].map(|k| quantity(k, "1/s"));
+        let scales = goes_by(&values[values.len() - 2..]);
         if self.leaky {
             let leak = quantity(values[2], "1/s");
             return format!(
-                "the speed loops correct errors for a while, with an integral gain of {forward} in forward and {turn} in turning motion, of which {leak} leaks; the model's had none"
+                "the speed loops correct errors for a while, with an integral gain of {forward} in forward and {turn} in turning motion, of which {leak} leaks{scales}; the model's had none"
             );
         }
         let parameters = self.parameters(scene);
@@ -100,7 +118,7 @@ impl Effect for IntegralAction {
             (None, None) => String::new(),
         };
         format!(
-            "the speed loops correct lasting errors, with an integral gain of {forward} in forward and {turn} in turning motion{ends}; the model's had none"
+            "the speed loops correct lasting errors, with an integral gain of {forward} in forward and {turn} in turning motion{ends}{scales}; the model's had none"
         )
     }
 
@@ -124,7 +142,7 @@ impl Effect for IntegralAction {
     }
 
     fn command(&self, p: &[f64], at: &Instant<'_>, outputs: &[f64], state: &mut [f64], u: &mut [f64]) {
-        let (clamps, leak) = if self.leaky { ([f64::INFINITY; 2], p[2]) } else { ([p[2], p[3]], 0.0) };
+        let (clamps, leak, scales) = if self.leaky { ([f64::INFINITY; 2], p[2], &p[3..5]) } else { ([p[2], p[3]], 0.0, &p[4..6]) };
         // What is left of what had gathered, and of what gathers over the span on the average.
         let (kept, gathered) = if leak > 0.0 {
             let lost = -(-leak * at.span).exp_m1();
@@ -132,8 +150,8 @@ impl Effect for IntegralAction {
         } else {
             (1.0, at.span)
         };
-        for ((((state, k), clamp), u), x) in state.chunks_exact_mut(2).zip(p).zip(clamps).zip(u).zip(outputs) {
-            let error = *u - x;
+        for (((((state, k), clamp), scale), u), x) in state.chunks_exact_mut(2).zip(p).zip(clamps).zip(scales).zip(u).zip(outputs) {
+            let error = *u - scale * x;
             state[0] = (kept * state[0] + 0.5 * k * gathered * (error + state[1])).max(-clamp.abs()).min(clamp.abs());
             state[1] = error;
             *u += state[0];

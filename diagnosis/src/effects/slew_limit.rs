@@ -8,7 +8,7 @@
 
 use serde::{Deserialize, Serialize};
 use wheelwright_core::Effect;
-use wheelwright_core::effect::{Confusion, EffectParameter, Estimate, Frame, Instant, Scene, Stage, Start};
+use wheelwright_core::effect::{Confusion, EffectParameter, Estimate, Instant, Scene, Stage, Start};
 
 use super::parts::{Axis, Part, Parts, part_by_part};
 use super::words::{each, quantity};
@@ -52,9 +52,6 @@ impl SlewLimit {
 fn unit(part: &Part) -> String {
     format!("{}/s", part.unit).replace("/s/s", "/s2")
 }
-
-/// By how much a command may differ from the speed that it has settled at, as a share of that.
-const SETTLED: f64 = 0.2;
 
 /// The rates of a part for speeding up, slowing down, and slowing down in order to reverse, by the number of its first parameter.
 fn rates(p: &[f64], slowing: bool, i: usize) -> [f64; 3] {
@@ -225,18 +222,8 @@ impl Effect for SlewLimit {
         2 * Parts::count(scene)
     }
 
-    /// Where a stretch begins in motion a ramp may be under way, from what moves to what is told: the command is no further from the outputs than
-    /// they are where they have settled.
-    fn begin(&self, _p: &[f64], at: &Instant<'_>, inputs: &[f64], outputs: &[f64], state: &mut [f64]) {
-        let parts = self.parts(at.scene);
-        parts.look(inputs, |(i, command)| state[2 * i..2 * i + 2].fill(command));
-        if at.track.from_rest || !matches!(at.scene.frame, Frame::Body { .. }) {
-            return;
-        }
-        parts.look(outputs, |(i, speed)| {
-            let near = SETTLED * speed.abs();
-            state[2 * i] = speed + (state[2 * i] - speed).clamp(-near, near);
-        });
+    fn begin(&self, _p: &[f64], at: &Instant<'_>, inputs: &[f64], _outputs: &[f64], state: &mut [f64]) {
+        self.parts(at.scene).look(inputs, |(i, command)| state[2 * i..2 * i + 2].fill(command));
     }
 
     /// A ramp ends where it reaches its goal, and turns from slowing down to speeding up where it passes through zero.

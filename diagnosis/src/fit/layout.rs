@@ -2,23 +2,32 @@
 
 use std::ops::Range;
 
-use wheelwright_core::Dataset;
 use wheelwright_core::effect::Scene;
+use wheelwright_core::{Dataset, Stretch};
 
 use crate::residuals::Series;
 
-/// Time at the start of a stretch that no fit counts \[s\]: what came before it is still at work in delays, lags and loops, and
+/// Time at the start of a stretch that neither fit nor proof counts \[s\]: what came before it is still at work in delays, lags and loops, and
 /// nobody recorded it. Before a robot that stands still there was nothing.
 const UNSETTLED: f64 = 1.0;
 /// Share of a stretch that this may take at most.
 const MOST_UNSETTLED: f64 = 0.1;
+
+/// Rows at the start of a stretch that nothing counts.
+pub(crate) fn unsettled(scene: &Scene, stretch: &Stretch) -> usize {
+    if scene.from_rest(stretch) {
+        return 0;
+    }
+    let most = (MOST_UNSETTLED * stretch.len() as f64) as usize;
+    stretch.time.partition_point(|t| *t < stretch.time[0] + UNSETTLED).min(most)
+}
 
 /// Where in the flat vector things are.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) struct Layout {
     offsets: Vec<usize>,
     lengths: Vec<usize>,
-    /// Rows at the start of each stretch that no fit counts.
+    /// Rows at the start of each stretch that nothing counts.
     unsettled: Vec<usize>,
     rows: usize,
     outputs: usize,
@@ -31,19 +40,23 @@ impl Layout {
             *sum += n;
             Some(*sum - n)
         });
-        let unsettled = data.stretches.iter().map(|s| {
-            if scene.from_rest(s) {
-                return 0;
-            }
-            let most = (MOST_UNSETTLED * s.len() as f64) as usize;
-            s.time.partition_point(|t| *t < s.time[0] + UNSETTLED).min(most)
-        });
+        let unsettled = data.stretches.iter().map(|s| unsettled(scene, s));
         Self {
             offsets: offsets.collect(),
             rows: lengths.iter().sum(),
             unsettled: unsettled.collect(),
             lengths,
             outputs: data.outputs.len(),
+        }
+    }
+
+    /// Leaves nothing where nothing counts.
+    pub(crate) fn settle(&self, values: &mut [f64]) {
+        for c in 0..self.outputs {
+            for s in 0..self.stretches() {
+                let start = self.part(c, s).start;
+                values[start..start + self.unsettled[s]].fill(0.0);
+            }
         }
     }
 

@@ -179,17 +179,17 @@ impl<'a> Search<'a> {
         members.iter().all(|m| !related(self.effect(*m).family(), self.effect(effect).family()))
     }
 
-    /// How many causes a model has: parts of one, a side or an axis each, count once.
-    fn causes(&self, members: &[usize]) -> usize {
-        let mut names: Vec<&str> = members.iter().map(|m| self.effect(*m).name()).collect();
+    /// The causes that a model has: parts of one, a side or an axis each, are one.
+    pub(crate) fn names(&self, state: &State) -> Vec<&'a str> {
+        let mut names: Vec<&str> = state.effects.iter().map(|m| self.effect(*m).name()).collect();
         names.sort_unstable();
         names.dedup();
-        names.len()
+        names
     }
 
     /// Whether a selection has room for no further cause, or the search is at its limit.
     pub(crate) fn full(&self, selected: &Selected) -> bool {
-        self.causes(&selected.state.effects) >= MOST || self.setting.exhausted()
+        self.names(&selected.state).len() >= MOST || self.setting.exhausted()
     }
 
     /// The selection with the best of some effects, if any holds its evidence beside it.
@@ -313,6 +313,8 @@ impl<'a> Search<'a> {
         let effects = selected.state.and(candidate.effect);
         let (whitening, with) = self.under_its_own(&effects, &candidate.fit, &selected.whitening, FINAL)?;
         let with = self.look_round(&effects, &whitening, with, FINAL);
+        let taken = with.rank(&self.setting) as f64 + selected.whitening.taken();
+        let (whitening, with) = self.quieted(&effects, taken, whitening, with, FINAL);
         let noise = &whitening.noise;
         let (_, without) = self.under(&selected.state.effects, &selected.state.fit, noise, COMPARING)?;
         let likelihood = |f: &Fit| f.likelihood(&self.setting);

@@ -10,6 +10,10 @@ use crate::fit::setting::Point;
 use crate::fit::whitening::Whitening;
 use crate::noise::Noise;
 
+/// Share of the noise that a fit was made under below which what it leaves is another noise, and how often it is fitted under that at most.
+const QUIETER: f64 = 0.9;
+const RENEWALS: usize = 4;
+
 impl<'a> Search<'a> {
     /// A fit under the noise that it leaves itself. A candidate was simulated from the initial outputs of the model that it joins, which what that
     /// misses may have drawn far off: its noise is what it leaves from its own likeliest ones.
@@ -20,7 +24,31 @@ impl<'a> Search<'a> {
         let fit = settled(&self.setting, &mut runner, whitening, there);
         let taken = fit.rank(&self.setting) as f64 + whitening.taken();
         let noise = self.setting.noise(&left(&self.setting, &fit.simulated), taken);
-        renew(&self.setting, &mut runner, noise, &fit, effort)
+        let (whitening, fit) = renew(&self.setting, &mut runner, noise, &fit, effort)?;
+        Some(self.quieted(indices, taken, whitening, fit, effort))
+    }
+
+    /// A fit under the noise that it leaves itself, as long as it leaves markedly less than it was fitted under: what a threshold or a limit in the wrong
+    /// place misses passes for loud and slow noise until it is in the right one.
+    pub(super) fn quieted(
+        &self,
+        indices: &[usize],
+        taken: f64,
+        mut whitening: Whitening,
+        mut fit: Fit,
+        effort: Effort,
+    ) -> (Whitening, Fit) {
+        for _ in 0..RENEWALS {
+            let noise = self.setting.noise(&left(&self.setting, &fit.simulated), taken);
+            let deviations = noise.deviation.iter().zip(&whitening.noise.deviation);
+            if !deviations.into_iter().any(|(now, before)| *now < QUIETER * before) {
+                break;
+            }
+            let renewed = self.runner(indices, &fit.point).and_then(|mut runner| renew(&self.setting, &mut runner, noise, &fit, effort));
+            let Some(renewed) = renewed else { break };
+            (whitening, fit) = renewed;
+        }
+        (whitening, fit)
     }
 
     /// The free run of a model at a point, flat; `None` where it cannot be simulated.

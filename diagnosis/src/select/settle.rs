@@ -161,10 +161,13 @@ impl<'a> Search<'a> {
         self.open.iter().find(same).copied().unwrap_or(effect)
     }
 
-    /// What the selection is with each law in a member's place that contains it.
+    /// What the selection is with each law in a member's place that contains it, of the same name or of another.
     pub(crate) fn wider(&self, selected: &Selected, member: usize) -> Vec<Selected> {
-        let name = self.effect(selected.state.effects[member]).name();
-        let contains = |i: &&usize| self.effect(**i).contains().contains(&name) && self.effect(**i).name() != name;
+        let own = selected.state.effects[member];
+        let contains = |i: &&usize| {
+            let (found, other) = (self.effect(own), self.effect(**i));
+            if other.name() == found.name() { self.is_form_of(own, other) } else { other.contains().contains(&found.name()) }
+        };
         let wide: Vec<usize> = self.open.iter().filter(contains).copied().collect();
         if wide.is_empty() {
             return Vec::new();
@@ -173,7 +176,7 @@ impl<'a> Search<'a> {
         let (z, (freedom, worth)) =
             (self.unbent(&selected.state, member), self.beyond(&selected.state.effects, &selected.state.fit, &rest));
         let placed = |i: usize| {
-            let Refined { fit, .. } = self.placed(i, self.starts(i), &z, selected, &rest)?;
+            let Refined { fit, .. } = self.placed(i, self.starts_at(i, &selected.state, member), &z, selected, &rest)?;
             let by = self.only(selected, &State { effects: rest.and(i), fit })?;
             let (wider_freedom, wider_worth) = self.beyond(&by.state.effects, &by.state.fit, &rest);
             let mut wider = succeeding(selected, member, by);
@@ -184,6 +187,12 @@ impl<'a> Search<'a> {
             Some(wider)
         };
         wide.into_iter().filter(|i| self.joins(*i, &rest.effects)).filter_map(placed).collect()
+    }
+
+    /// Whether an effect has all that another one of its name has, and more.
+    fn is_form_of(&self, narrow: usize, wide: &dyn Effect) -> bool {
+        let all = wide.parameters(self.setting.scene).len();
+        self.as_part_of(narrow, wide, &vec![0.0; all]).is_some_and(|own| own.len() < all)
     }
 
     /// Values from which an effect may start.

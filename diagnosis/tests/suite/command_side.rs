@@ -177,6 +177,34 @@ fn a_recording_may_begin_while_a_ramp_is_under_way() {
     assert!(worst < 0.2, "{worst}");
 }
 
+/// A robot in motion to which the first command has just come: what delays, filters and ramps had before is what holds its speed.
+#[test]
+fn a_recording_may_begin_in_motion_with_a_new_command() {
+    let whole = rig::body();
+    let (lag, delay, ramp) = (ActuatorLag::default(), CommandDelay::default(), SlewLimit::default());
+    let effects: [(&dyn Effect, &[f64]); 3] = [(&lag, &[0.3]), (&delay, &[0.3]), (&ramp, &[0.5, 1.2])];
+    for (effect, values) in effects {
+        let run = whole.run(&[effect], values);
+        let changes = |k: &usize| (0..2).any(|i| (whole.stretch().inputs[i][*k] - whole.stretch().inputs[i][k - 1]).abs() > 0.1);
+        let settled =
+            |k: &usize| (0..2).all(|i| whole.stretch().inputs[i][k - 30..*k].iter().all(|u| *u == whole.stretch().inputs[i][*k - 1]));
+        let cuts: Vec<usize> = (100..700).filter(|k| changes(k) && settled(k)).collect();
+        assert!(!cuts.is_empty());
+        for cut in cuts {
+            let mut rest = rig::body();
+            rest.data.stretches[0] = whole.stretch().slice(cut..whole.stretch().len());
+            rest.start = [run[0][cut], run[1][cut]];
+            rest.data.stretches[0].outputs = run.iter().map(|y| y[cut..].to_vec()).collect();
+            let there = rest.run(&[effect], values);
+            for (y, there) in run.iter().zip(&there) {
+                let size = y.iter().fold(0.0, |a: f64, y| a.max(y.abs()));
+                let off = y[cut..].iter().zip(there).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max) / size;
+                assert!(off < 0.2, "{} at {cut}: {off}", effect.name());
+            }
+        }
+    }
+}
+
 #[test]
 fn a_ramp_may_settle_on_its_goal() {
     let settling = SlewLimit { settling: true, ..SlewLimit::default() };
@@ -303,18 +331,24 @@ fn an_offset_is_added() {
 
 #[test]
 fn loops_integrate_their_error() {
-    for (forward, turn) in [(0.4, 0.0), (2.5, 6.0)] {
+    for (forward, turn, scales) in [(0.4, 0.0, [1.0, 1.0]), (2.5, 6.0, [1.0, 1.0]), (1.5, 0.8, [0.8, 1.1])] {
         for (ends, most) in [([1e3, 1e3], 1e-4), ([0.02, 0.04], 1e-3)] {
-            let error =
-                difference(&[&IntegralAction::default()], &[forward, turn, ends[0], ends[1]], &[], [0.3, 0.2, 0.0, 0.0], |s, t, x| {
+            let error = difference(
+                &[&IntegralAction::default()],
+                &[forward, turn, ends[0], ends[1], scales[0], scales[1]],
+                &[],
+                [0.3, 0.2, 0.0, 0.0],
+                |s, t, x| {
                     let u = held(s, t);
                     let a = base([u[0] + x[2], u[1] + x[3]], x);
+                    let error = |i: usize| u[i] - scales[i] * x[i];
                     // Against winding up: an integral at its end goes no further.
                     let grows = |k: f64, i: usize| {
-                        if x[2 + i].abs() >= ends[i] && (u[i] - x[i]) * x[2 + i] > 0.0 { 0.0 } else { k * (u[i] - x[i]) }
+                        if x[2 + i].abs() >= ends[i] && error(i) * x[2 + i] > 0.0 { 0.0 } else { k * error(i) }
                     };
                     [a[0], a[1], grows(forward, 0), grows(turn, 1)]
-                });
+                },
+            );
             assert!(error < most, "{forward} {turn} {ends:?}: {error}");
         }
     }
@@ -324,7 +358,7 @@ fn loops_integrate_their_error() {
 fn what_loops_have_gathered_may_leak() {
     let leaky = IntegralAction { leaky: true };
     for (forward, turn, leak) in [(0.4, 0.0, 0.3), (2.5, 6.0, 2.0)] {
-        let error = difference(&[&leaky], &[forward, turn, leak], &[], [0.3, 0.2, 0.0, 0.0], |s, t, x| {
+        let error = difference(&[&leaky], &[forward, turn, leak, 1.0, 1.0], &[], [0.3, 0.2, 0.0, 0.0], |s, t, x| {
             let u = held(s, t);
             let a = base([u[0] + x[2], u[1] + x[3]], x);
             [a[0], a[1], forward * (u[0] - x[0]) - leak * x[2], turn * (u[1] - x[1]) - leak * x[3]]

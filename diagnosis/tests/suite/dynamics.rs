@@ -818,7 +818,8 @@ fn loops_integrate_what_unequal_wheels_tell_them() {
     let (e, h, gains, kept) = (0.08, HALF_TRACK, [0.8, 1.5], [1.02, 1.05]);
     let ground = WheelRadiusMismatch { speeds: Speeds::Ground, ..WheelRadiusMismatch::default() };
     let effects: [&dyn Effect; 2] = [&ground, &IntegralAction::default()];
-    let values = [e, 1.0, gains[0], gains[1], 1e3, 1e3];
+    let scales = [0.97, 1.04];
+    let values = [e, 1.0, gains[0], gains[1], 1e3, 1e3, scales[0], scales[1]];
     let error = rig.joint_error(&effects, &values, [0.3, 0.2, 0.0, 0.0], &[], |_, u, [v, w, i, j]| {
         let told = [v - 0.5 * e * h * w, w - 0.5 * e / h * v];
         let asked = [u[0] + i, u[1] + j];
@@ -826,7 +827,7 @@ fn loops_integrate_what_unequal_wheels_tell_them() {
         let push = [asked[0] - kept[0] * v, asked[1] - kept[1] * w];
         let forward = push[0] + kept[0] * (v - told[0]) - 0.5 * e * h * push[1] - still[0];
         let turn = push[1] + kept[1] * (w - told[1]) - 0.5 * e / h * push[0] - still[1];
-        [forward / 0.26, turn / 0.19, gains[0] * (u[0] - told[0]), gains[1] * (u[1] - told[1])]
+        [forward / 0.26, turn / 0.19, gains[0] * (u[0] - scales[0] * told[0]), gains[1] * (u[1] - scales[1] * told[1])]
     });
     assert!(error < 1e-3, "{error}");
 }

@@ -151,6 +151,22 @@ fn a_wider_law_takes_the_place_of_a_narrow_one_where_held_out_data_decisively_as
     }
 }
 
+/// Friction that comes up with speed is dry friction still, and no friction by direction because that has such a form too.
+#[test]
+fn another_form_of_what_was_found_comes_before_a_wider_law() {
+    let hidden = CoulombFriction { law: FrictionLaw::Soft };
+    let library: Vec<Box<dyn Effect>> = vec![
+        Box::new(CoulombFriction::default()),
+        Box::new(CoulombFriction { law: FrictionLaw::Soft }),
+        Box::new(DirectionAsymmetry { soft: true }),
+    ];
+    let values = [0.06, 0.15, 1.0];
+    let training = record(9, 600, false, &[(&hidden, &values)], 0.0);
+    let held_out = record(109, 1200, true, &[(&hidden, &values)], 0.0);
+    let diagnosis = among(&library, &training, Some(&held_out));
+    assert_eq!((diagnosis.verdict, names(&diagnosis)), (Verdict::Explained, vec!["coulomb_friction"]), "{}", diagnosis.headline);
+}
+
 /// What the wheels of a castor add to the rolling resistance of those that are driven is as little on the training data, and missed on others. That
 /// they roll as heavily is one cause, and a castor that slides beside dry friction would be two.
 #[test]
