@@ -191,19 +191,19 @@ impl Run<'_> {
     }
 
     fn each_output(&self, noise: &[f64], jitter: Option<Jitter>, of: impl Fn(Vec<f64>) -> Vec<f64>) -> Vec<Loss> {
+        let first: Vec<usize> = self.data.stretches.iter().map(|stretch| unsettled(self.scene, stretch)).collect();
         let output = |(c, noise): (usize, &f64)| {
-            let stretch = |(stretch, run): (&Stretch, &Vec<Vec<f64>>)| {
-                let first = unsettled(self.scene, stretch);
+            let stretch = |((stretch, run), first): ((&Stretch, &Vec<Vec<f64>>), &usize)| {
                 let errors = stretch.outputs[c].iter().zip(&run[c]).map(|(y, s)| (y - s) / noise);
                 of(match jitter {
                     Some(jitter) => {
                         let scatter = jitter.slope(&stretch.time, &run[c]).into_iter().map(|d| jitter.scatter(d, *noise));
-                        errors.zip(scatter).skip(first).map(|(x, by)| x / by).collect()
+                        errors.zip(scatter).skip(*first).map(|(x, by)| x / by).collect()
                     }
-                    None => errors.skip(first).collect(),
+                    None => errors.skip(*first).collect(),
                 })
             };
-            Loss::of(&self.data.stretches.iter().zip(self.simulated).flat_map(stretch).collect::<Vec<_>>())
+            Loss::of(&self.data.stretches.iter().zip(self.simulated).zip(&first).flat_map(stretch).collect::<Vec<_>>())
         };
         noise.iter().enumerate().map(output).collect()
     }

@@ -178,9 +178,15 @@ impl<'q> Bench<'q> {
     /// Which of some rivals these data decisively prefer to what leaves a loss. Among those that they hold for equal the library's order decides, as
     /// it does on the training data.
     fn preferred(&self, rivals: &[(f64, Rival)], own: f64) -> Option<usize> {
-        let least = rivals.iter().map(|(loss, _)| *loss).fold(f64::INFINITY, f64::min);
-        let equals = (0..rivals.len()).filter(|i| !self.decisive(least, rivals[*i].0));
-        equals.min_by_key(|i| rivals[*i].1.effect).filter(|_| self.decisive(least, own))
+        let losses: Vec<f64> = rivals.iter().map(|(loss, _)| *loss).collect();
+        let best = self.equals(&losses).min_by_key(|i| rivals[*i].1.effect)?;
+        self.decisive(least(&losses), own).then_some(best)
+    }
+
+    /// Which of some losses are the least, but for chance.
+    fn equals(&self, losses: &[f64]) -> impl Iterator<Item = usize> {
+        let least = least(losses);
+        (0..losses.len()).filter(move |i| !self.decisive(least, losses[*i]))
     }
 
     /// The least of a loss on every clock that the held-out data may have.
@@ -221,12 +227,11 @@ impl<'q> Bench<'q> {
         let wider = (search.fixed(selected)..selected.state.effects.len()).flat_map(|member| search.wider(selected, member));
         // As it was fitted a wider law says nothing where what it has beyond the narrow one is what the training data do not show.
         let wider = wider.map(|wide| (self.with_leeway(search, &wide.state), wide)).filter(|(loss, _)| self.decisive(*loss, own));
-        let wider: Vec<(f64, Selected)> = wider.collect();
-        let least = wider.iter().map(|(loss, _)| *loss).fold(f64::INFINITY, f64::min);
-        let equals = wider.into_iter().filter(|(loss, _)| !self.decisive(least, *loss));
+        let (losses, mut wider): (Vec<f64>, Vec<Selected>) = wider.unzip();
         // Another form of what was found is no other cause.
-        let renamed = |wide: &Selected| search.names(&wide.state) != search.names(&selected.state);
-        equals.min_by(|a, b| renamed(&a.1).cmp(&renamed(&b.1)).then(a.0.total_cmp(&b.0))).map(|(_, wide)| wide)
+        let renamed = |i: usize| search.names(&wider[i].state) != search.names(&selected.state);
+        let best = self.equals(&losses).min_by(|a, b| renamed(*a).cmp(&renamed(*b)).then(losses[*a].total_cmp(&losses[*b])));
+        best.map(|i| wider.swap_remove(i))
     }
 
     /// The held-out error if it is decisively above that of the training data: something is imperfect there.
@@ -297,6 +302,10 @@ impl<'q> Bench<'q> {
         let excess = |loss: f64| (loss - self.floor).max(0.0);
         self.values * (more / less).ln() > MENTIONED && excess(less) <= CLOSED * excess(more)
     }
+}
+
+fn least(losses: &[f64]) -> f64 {
+    losses.iter().copied().fold(f64::INFINITY, f64::min)
 }
 
 #[cfg(test)]

@@ -67,6 +67,11 @@ impl<'s, 'a> Leeway<'s, 'a> {
 
     /// The same, on the way there no farther than to where the move costs so much on the training data.
     pub(crate) fn moved_within(&self, most: f64, data: &Dataset, scene: &Scene) -> Option<Moved> {
+        self.moved_but(&[], most, data, scene)
+    }
+
+    /// The same of all but some parameters, which stay where they are.
+    fn moved_but(&self, stay: &[usize], most: f64, data: &Dataset, scene: &Scene) -> Option<Moved> {
         let Self { search, state, noise, .. } = self;
         let known = self.known();
         let layout = Layout::of(data, scene);
@@ -85,11 +90,12 @@ impl<'s, 'a> Leeway<'s, 'a> {
             told.get_or_insert_with(|| setting.layout.series(&run));
             let (error, weights) = weighed(&setting, &run, noise);
             let mut columns: Vec<Vec<f64>> = (0..point.x.len()).map(|j| runner.column(&point, j, &run)).collect();
-            columns.push(error);
             columns.iter_mut().for_each(|column| setting.layout.settle(column));
+            columns.push(error);
             let columns: Vec<&[f64]> = columns.iter().map(Vec::as_slice).collect();
             let x = DVector::from_column_slice(&point.x);
-            let system = gram(&columns, &parts(&setting), &weights) + prior(known, &(&x - &first));
+            let mut system = gram(&columns, &parts(&setting), &weights) + prior(known, &(&x - &first));
+            hold(&mut system, stay);
             let step = constrained_step(&factor(&system), None, &x, &limits).ok()?;
             let promised = step.dot(&(system.view((0, 0), (x.len(), x.len())) * &step));
             point.x = (x + step).as_slice().to_vec();
@@ -108,9 +114,13 @@ impl<'s, 'a> Leeway<'s, 'a> {
         told.filter(|_| whole).map(|told| Moved { simulated: setting.layout.series(&run), told, x: point.x, cost })
     }
 
-    /// Other data without what their own parameters would change there.
-    fn eased(&self, data: &Dataset, scene: &Scene) -> Option<Dataset> {
-        let Moved { simulated, told, .. } = self.moved(data, scene)?;
+    /// Other data without what the parameters that an explanation shares with a rest of it would change there. What it has beyond that stays as it is:
+    /// these data are to be asked about it.
+    fn eased(&self, rest: &State, data: &Dataset, scene: &Scene) -> Option<Dataset> {
+        let Self { search, state, .. } = self;
+        let beyond = search.unknowns(state, &|i| !rest.effects.contains(&state.effects[i]));
+        let stay: Vec<usize> = beyond.filter(|j| *j >= search.setting.free()).collect();
+        let Moved { simulated, told, .. } = self.moved_but(&stay, f64::INFINITY, data, scene)?;
         let mut eased = data.clone();
         for ((stretch, moved), told) in eased.stretches.iter_mut().zip(&simulated).zip(&told) {
             let values = stretch.outputs.iter_mut().flatten();
@@ -120,19 +130,18 @@ impl<'s, 'a> Leeway<'s, 'a> {
     }
 }
 
-/// Other data before which what an explanation has beyond a rest of it has to hold: as they are, and eased of what its parameters would change there.
+/// Other data before which what an explanation has beyond a rest of it has to hold: as they are, and eased of what its other parameters would change there.
 pub(crate) struct Court<'l, 'd> {
     leeway: &'l Leeway<'l, 'l>,
     /// Free run of the explanation.
     with: &'d Series,
     pub(crate) data: &'d Dataset,
     pub(crate) scene: &'d Scene,
-    eased: OnceCell<Option<Dataset>>,
 }
 
 impl<'l, 'd> Court<'l, 'd> {
     pub(crate) fn new(leeway: &'l Leeway<'l, 'l>, with: &'d Series, data: &'d Dataset, scene: &'d Scene) -> Self {
-        Self { leeway, with, data, scene, eased: OnceCell::new() }
+        Self { leeway, with, data, scene }
     }
 
     /// Whether they refute, as they are and eased, what the explanation has beyond a rest with its free run.
@@ -140,22 +149,32 @@ impl<'l, 'd> Court<'l, 'd> {
         let Leeway { search, state, noise, .. } = self.leeway;
         let gain = search.gain(&state.fit, rest);
         let by = |data: &Dataset| BorneOut::new(noise, Run { data, scene: self.scene, simulated: self.with }, without, gain).refuted();
-        let eased = || self.eased.get_or_init(|| self.leeway.eased(self.data, self.scene));
-        by(self.data) && eased().as_ref().is_none_or(by)
+        by(self.data) && self.leeway.eased(rest, self.data, self.scene).as_ref().is_none_or(by)
     }
 }
 
-/// Errors of a run, model minus measured, what is far out drawn in; and each output's weight: independent values count by what is left.
+/// Errors of a run where they count, model minus measured, what is far out drawn in; and each output's weight: independent values count by what is left.
 fn weighed(setting: &Setting<'_>, run: &[f64], noise: &Noise) -> (Vec<f64>, Vec<f64>) {
     let mut error: Vec<f64> = run.iter().zip(&setting.measured).map(|(model, measured)| model - measured).collect();
+    setting.layout.settle(&mut error);
+    let counted = setting.layout.counted() as f64;
     let output = |(c, part): (usize, std::ops::Range<usize>)| {
         let own = &mut error[part];
-        let size = (own.iter().map(|e| e * e).sum::<f64>() / own.len() as f64).sqrt().max(noise.deviation[c]);
+        let size = (own.iter().map(|e| e * e).sum::<f64>() / counted).sqrt().max(noise.deviation[c]);
         own.iter_mut().for_each(|e| *e = e.clamp(-HUBER * size, HUBER * size));
         noise.independent(c) / (size * size)
     };
     let weights = parts(setting).into_iter().enumerate().map(output).collect();
     (error, weights)
+}
+
+/// Has some parameters stay where they are: nothing is known of them, or asked, but that.
+fn hold(system: &mut DMatrix<f64>, stay: &[usize]) {
+    for j in stay {
+        system.row_mut(*j).fill(0.0);
+        system.column_mut(*j).fill(0.0);
+        system[(*j, *j)] = 1.0;
+    }
 }
 
 /// What is known of parameters so far from where it was learnt, in the form of sums of products with the error as last column.

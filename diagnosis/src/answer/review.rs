@@ -5,7 +5,7 @@ use wheelwright_core::effect::{Effect, Estimate, Scene};
 use crate::adequacy;
 use crate::effects::digits;
 use crate::finding::{Alternative, Finding, Location};
-use crate::fit::search::Fit;
+use crate::fit::search::{Fit, left};
 use crate::fit::setting::{Runner, Setting};
 use crate::noise::Noise;
 use crate::question::{DiagnosisError, Question};
@@ -26,7 +26,7 @@ pub(super) fn review(question: &Question<'_>, story: &Story<'_>, findings: &[Fin
     let free = setting.free();
     let state = &selected.state;
     let (plain, base) = (Setting { readout: story.compared_readout(), ..setting.clone() }, story.compared());
-    let simulate = |setting: &Setting<'_>, effects: &[usize], fit: &Fit, x: &[f64]| -> Result<Series, DiagnosisError> {
+    let simulate = |setting: &Setting<'_>, effects: &[usize], fit: &Fit, x: &[f64]| -> Result<Vec<f64>, DiagnosisError> {
         let mut runner = Runner::new(setting, &search.effects(effects), &fit.point)?;
         let mut out = fit.simulated.clone();
         if !runner.run(x, &fit.point.starts, &mut out) {
@@ -35,29 +35,26 @@ pub(super) fn review(question: &Question<'_>, story: &Story<'_>, findings: &[Fin
         // What nobody recorded the cause of is no misfit.
         for c in 0..setting.layout.outputs() {
             for s in 0..setting.layout.stretches() {
-                let part = setting.layout.part(c, s);
-                let rows = part.start..part.start + setting.layout.unsettled(s);
+                let rows = setting.layout.before_settled(c, s);
                 out[rows.clone()].copy_from_slice(&setting.measured[rows]);
             }
         }
-        Ok(setting.layout.series(&out))
+        Ok(out)
     };
+    let series = |flat: &[f64]| setting.layout.series(flat);
     let last = simulate(setting, &state.effects, &state.fit, &state.fit.point.x)?;
-    let mut left = setting.layout.series(&setting.measured);
-    let values = left.iter_mut().flatten().flatten().zip(last.iter().flatten().flatten());
-    values.for_each(|(left, run)| *left -= run);
-    let without = simulate(&plain, &[], &state.fit, &state.fit.point.x[..free])?;
+    let without = series(&simulate(&plain, &[], &state.fit, &state.fit.point.x[..free])?);
     let effects = search.effects(&state.effects);
     let mut runner = Runner::new(setting, &effects, &state.fit.point)?;
-    let jacobian = (0..state.fit.point.x.len()).map(|j| setting.layout.series(&runner.column(&state.fit.point, j, &state.fit.simulated)));
+    let jacobian = (0..state.fit.point.x.len()).map(|j| series(&runner.column(&state.fit.point, j, &state.fit.simulated)));
     let residuals = Residuals {
         model: setting.model,
         data: setting.data,
         theta_base: setting.map.theta(&base.point.x[..free]),
         theta_final: setting.map.theta(&state.fit.point.x[..free]),
-        base: simulate(&plain, &[], base, &base.point.x)?,
-        last,
-        left,
+        base: series(&simulate(&plain, &[], base, &base.point.x)?),
+        last: series(&last),
+        left: series(&left(setting, &last)),
         rounded: setting.rounded.clone(),
         noise: selected.whitening.noise.clone(),
         jacobian: jacobian.collect(),

@@ -54,8 +54,7 @@ impl Layout {
     pub(crate) fn settle(&self, values: &mut [f64]) {
         for c in 0..self.outputs {
             for s in 0..self.stretches() {
-                let start = self.part(c, s).start;
-                values[start..start + self.unsettled[s]].fill(0.0);
+                values[self.before_settled(c, s)].fill(0.0);
             }
         }
     }
@@ -89,6 +88,12 @@ impl Layout {
     pub(crate) fn settled(&self, output: usize, stretch: usize) -> Range<usize> {
         let part = self.part(output, stretch);
         part.start + self.unsettled[stretch]..part.end
+    }
+
+    /// One output over one stretch, what does not count of it.
+    pub(crate) fn before_settled(&self, output: usize, stretch: usize) -> Range<usize> {
+        let start = self.part(output, stretch).start;
+        start..start + self.unsettled[stretch]
     }
 
     pub(crate) fn outputs(&self) -> usize {

@@ -313,8 +313,7 @@ impl<'a> Search<'a> {
         let effects = selected.state.and(candidate.effect);
         let (whitening, with) = self.under_its_own(&effects, &candidate.fit, &selected.whitening, FINAL)?;
         let with = self.look_round(&effects, &whitening, with, FINAL);
-        let taken = with.rank(&self.setting) as f64 + selected.whitening.taken();
-        let (whitening, with) = self.quieted(&effects, taken, whitening, with, FINAL);
+        let (whitening, with) = self.quieted(&effects, whitening, with, FINAL);
         let noise = &whitening.noise;
         let (_, without) = self.under(&selected.state.effects, &selected.state.fit, noise, COMPARING)?;
         let likelihood = |f: &Fit| f.likelihood(&self.setting);

@@ -22,24 +22,21 @@ impl<'a> Search<'a> {
         let mut there = evaluate(&self.setting, &mut runner, whitening, &fit.point)?;
         there.columns.clone_from(&fit.columns);
         let fit = settled(&self.setting, &mut runner, whitening, there);
+        let (whitening, fit) = renew(&self.setting, &mut runner, self.left_noise(&fit, whitening), &fit, effort)?;
+        Some(self.quieted(indices, whitening, fit, effort))
+    }
+
+    /// The noise that a fit leaves.
+    fn left_noise(&self, fit: &Fit, whitening: &Whitening) -> Noise {
         let taken = fit.rank(&self.setting) as f64 + whitening.taken();
-        let noise = self.setting.noise(&left(&self.setting, &fit.simulated), taken);
-        let (whitening, fit) = renew(&self.setting, &mut runner, noise, &fit, effort)?;
-        Some(self.quieted(indices, taken, whitening, fit, effort))
+        self.setting.noise(&left(&self.setting, &fit.simulated), taken)
     }
 
     /// A fit under the noise that it leaves itself, as long as it leaves markedly less than it was fitted under: what a threshold or a limit in the wrong
     /// place misses passes for loud and slow noise until it is in the right one.
-    pub(super) fn quieted(
-        &self,
-        indices: &[usize],
-        taken: f64,
-        mut whitening: Whitening,
-        mut fit: Fit,
-        effort: Effort,
-    ) -> (Whitening, Fit) {
+    pub(super) fn quieted(&self, indices: &[usize], mut whitening: Whitening, mut fit: Fit, effort: Effort) -> (Whitening, Fit) {
         for _ in 0..RENEWALS {
-            let noise = self.setting.noise(&left(&self.setting, &fit.simulated), taken);
+            let noise = self.left_noise(&fit, &whitening);
             let deviations = noise.deviation.iter().zip(&whitening.noise.deviation);
             if !deviations.into_iter().any(|(now, before)| *now < QUIETER * before) {
                 break;

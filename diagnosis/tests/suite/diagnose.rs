@@ -104,7 +104,7 @@ fn held_out_reversals_judge_between_friction_and_an_offset() {
 #[test]
 fn a_member_of_which_held_out_data_know_nothing_goes() {
     let (delay, offset) = (CommandDelay::default(), CommandOffset {});
-    let both: [(&dyn Effect, &[f64]); 2] = [(&delay, &[0.15]), (&offset, &[0.02, 0.0])];
+    let both: [(&dyn Effect, &[f64]); 2] = [(&delay, &[0.15]), (&offset, &[0.01, 0.0])];
     let training = record(33, 1600, true, &both, 0.0);
     for (there, held) in [(true, &both[..]), (false, &both[..1])] {
         let diagnosis = ask(&training, Some(&record_with(1.4 * NOISE, TRACK, 34, 800, true, held, 0.0)));
