@@ -173,6 +173,7 @@ impl<'a> Bench<'a> {
         let at = Instant {
             time: self.stretch.time[0],
             span: 0.0,
+            step: 0.0,
             row: 0,
             stretch: &self.stretch,
             track: &self.track,

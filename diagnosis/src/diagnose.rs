@@ -397,7 +397,7 @@ fn whitened(setting: &Setting<'_>, rough: &Fit, responses: &[Response]) -> Resul
     let mut runner = Runner::new(setting, &none, &rough.point)?;
     let units = &setting.scene.scales.outputs;
     let white = Noise::white(units, &setting.layout);
-    let whitening = Whitening::new(white, &setting.layout, &mut runner, &rough.point, &rough.simulated);
+    let whitening = Whitening::new(white, &setting.layout, &mut runner, &rough.point);
     let lost = || DiagnosisError::NoStart("the fit cannot be evaluated where it ended".to_owned());
     let mut again = crate::fit::search::evaluate(setting, &mut runner, &whitening, &rough.point).ok_or_else(lost)?;
     let unknowns = again.point.x.len();

@@ -89,7 +89,7 @@ impl<'s, 'a> Leeway<'s, 'a> {
             }
             told.get_or_insert_with(|| setting.layout.series(&run));
             let (error, weights) = weighed(&setting, &run, noise);
-            let mut columns: Vec<Vec<f64>> = (0..point.x.len()).map(|j| runner.column(&point, j, &run)).collect();
+            let mut columns = runner.columns(&point, 0..point.x.len());
             columns.iter_mut().for_each(|column| setting.layout.settle(column));
             columns.push(error);
             let columns: Vec<&[f64]> = columns.iter().map(Vec::as_slice).collect();

@@ -458,7 +458,7 @@ mod tests {
             setting.bounds[0] = (0.0, x);
             let mut fit = selected.base.clone();
             let mut runner = Runner::new(&setting, &[], &fit.point).unwrap();
-            let raw = runner.column(&fit.point, 0, &fit.simulated);
+            let raw = runner.columns(&fit.point, 0..1).remove(0);
             linearise(&mut runner, &selected.whitening, &mut fit, 0..6);
             // The data would have it beyond the bound, or back.
             for (side, can) in [(1.0, false), (-1.0, true)] {

@@ -374,6 +374,7 @@ impl Trial<'_> {
             let at = |share: f64| Instant {
                 time: start + share * interval,
                 span: 0.0,
+                step: 0.0,
                 row: k,
                 stretch,
                 track: &scene.tracks[1],
@@ -399,8 +400,16 @@ impl Trial<'_> {
         let (scene, stretch) = (&bench.scene, &bench.data.stretches[1]);
         let n = stretch.inputs.len();
         let mut state = vec![0.0; effect.states(scene)];
-        let begin =
-            Instant { time: stretch.time[0], span: 0.0, row: 0, stretch, track: &scene.tracks[1], scene, readout: Readout::default() };
+        let begin = Instant {
+            time: stretch.time[0],
+            span: 0.0,
+            step: 0.0,
+            row: 0,
+            stretch,
+            track: &scene.tracks[1],
+            scene,
+            readout: Readout::default(),
+        };
         let of = |columns: &[Vec<f64>], k: usize| columns.iter().map(|c| c[k]).collect::<Vec<f64>>();
         effect.begin(p, &begin, &of(&stretch.inputs, 0), &of(&stretch.outputs, 0), &mut state);
         let [inertia, drag] = [0.5, 1.0].map(|x| (0..n * n).map(|i| if i % (n + 1) == 0 { x } else { 0.0 }).collect::<Vec<f64>>());
@@ -410,7 +419,13 @@ impl Trial<'_> {
         };
         let bad = |values: &[f64]| values.iter().any(|x| !x.is_finite());
         for k in 1..ROWS {
-            let at = Instant { time: stretch.time[k], span: stretch.time[k] - stretch.time[k - 1], row: k, ..begin };
+            let at = Instant {
+                time: stretch.time[k],
+                span: stretch.time[k] - stretch.time[k - 1],
+                step: stretch.time[k] - stretch.time[k - 1],
+                row: k,
+                ..begin
+            };
             let (mut u, mut x) = (of(&stretch.inputs, k), of(&stretch.outputs, k));
             let (mut load, mut drive) = (vec![0.0; n], u.iter().zip(&x).map(|(u, x)| u - x).collect::<Vec<f64>>());
             effect.command(p, &at, &x, &mut state, &mut u);

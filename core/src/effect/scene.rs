@@ -181,6 +181,9 @@ pub struct Instant<'a> {
     pub time: f64,
     /// Time that passes up to now in this call \[s\]; zero where a state is only looked at.
     pub span: f64,
+    /// Length of the step that is being taken \[s\]: zero where none is. An effect behind the plugin boundary is told twice the span, or the sampling period
+    /// where that is zero.
+    pub step: f64,
     /// Row of the stretch whose command is held.
     pub row: usize,
     /// The stretch.

@@ -46,7 +46,7 @@ pub(super) fn review(question: &Question<'_>, story: &Story<'_>, findings: &[Fin
     let without = series(&simulate(&plain, &[], &state.fit, &state.fit.point.x[..free])?);
     let effects = search.effects(&state.effects);
     let mut runner = Runner::new(setting, &effects, &state.fit.point)?;
-    let jacobian = (0..state.fit.point.x.len()).map(|j| series(&runner.column(&state.fit.point, j, &state.fit.simulated)));
+    let jacobian = runner.columns(&state.fit.point, 0..state.fit.point.x.len());
     let residuals = Residuals {
         model: setting.model,
         data: setting.data,
@@ -57,7 +57,7 @@ pub(super) fn review(question: &Question<'_>, story: &Story<'_>, findings: &[Fin
         left: series(&left(setting, &last)),
         rounded: setting.rounded.clone(),
         noise: selected.whitening.noise.clone(),
-        jacobian: jacobian.collect(),
+        jacobian: jacobian.iter().map(|column| series(column)).collect(),
         half_track: setting.scene.frame.half_track(),
     };
     // Reading means over the interval is a part of the explanation, and of what it gains.

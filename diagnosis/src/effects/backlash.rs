@@ -157,7 +157,7 @@ impl Effect for Backlash {
             (moment, moment.at_once(p))
         } else {
             let moment = Moment::middle(p, frame, motion, state);
-            (moment, moment.over(p, motion, state, 2.0 * at.span))
+            (moment, moment.over(p, motion, state, at.step))
         };
         drive.copy_from_slice(&moment.loops.of_wheels(moment.arriving(p, given, motion, drive)));
     }
@@ -178,7 +178,7 @@ impl Effect for Backlash {
             // The whole step at what was wanted in its middle: of second order, as the motion is.
             for own in state[..MIDDLE].chunks_exact_mut(EACH) {
                 let wheel = Wheel { acceleration: own[GAINING], yields: 0.0 };
-                Motor::of(&own[BEFORE..]).on(p, own[WANTED], wheel, 2.0 * at.span).0.keep(own);
+                Motor::of(&own[BEFORE..]).on(p, own[WANTED], wheel, at.step).0.keep(own);
             }
         }
         state[MIDDLE] = if first { 1.0 } else { 0.0 };

@@ -205,9 +205,8 @@ impl Effect for TurningScrub {
         let faster = forward / th1;
         let carried = (1.0 - length([uneven + v * w.abs() / grip - transfer * faster, EVEN])).max(0.0);
         let across = moment * (carried.powi(2) - (faster / grip).powi(2)).max(LEFT * LEFT).sqrt();
-        // What is held comes to rest within a step, whose length is known from its middle on.
-        let step = if at.span > 0.0 { 2.0 * at.span } else { at.scene.scales.period };
-        let against = (turn + th2 * w / step).clamp(-across.abs(), across.abs());
+        // What is held comes to rest within a step.
+        let against = (turn + th2 * w / at.step).clamp(-across.abs(), across.abs());
         drive.copy_from_slice(&frame.from_body([forward, turn - against]));
     }
 }

@@ -53,8 +53,6 @@ const BOUNDLESS: f64 = 100.0 * force::GRAVITY;
 
 /// Limit, in terms of the push, beyond which a brush is no other tyre than one without a limit.
 const STICKS: f64 = 1e4;
-/// Spans of a lag after which no digit of it is left.
-const AGES: f64 = 40.0;
 /// Numbers kept of each wheel.
 const EACH: usize = 3;
 /// Where among them the speed stands by which its rim runs ahead.
@@ -65,8 +63,6 @@ const BEFORE: usize = 1;
 const HUB: usize = 2;
 /// Where in the state it says whether the middle of a step has been reached.
 const MIDDLE: usize = 2 * EACH;
-/// Where in the state the length of the last step stands.
-const STEP: usize = MIDDLE + 1;
 
 #[typetag::serde(name = "wheel_slip")]
 impl Effect for WheelSlip {
@@ -176,7 +172,7 @@ impl Effect for WheelSlip {
     /// By wheel, the speed by which its rim runs ahead, the same at the start of a step, and the hub's speed in its middle; whether the middle
     /// has been reached; how long the last step was.
     fn states(&self, _scene: &Scene) -> usize {
-        STEP + 1
+        MIDDLE + 1
     }
 
     fn drive(&self, p: &[f64], at: &Instant<'_>, motion: &Motion<'_>, state: &[f64], drive: &mut [f64]) {
@@ -185,10 +181,10 @@ impl Effect for WheelSlip {
         if !loops.hold() {
             return;
         }
-        let (from, span) = if first { (AHEAD, state[STEP]) } else { (BEFORE, 2.0 * at.span) };
+        let from = if first { AHEAD } else { BEFORE };
         let held = loops.at_wheels(motion.held);
         let (pushes, grounds) = (pushes(&loops, drive, held, state, from), self.grounds(p, &loops, frame, motion));
-        let arriving = [0, 1].map(|i| grounds[i].after(state[EACH * i + from], pushes[i], speeds[i], span).1 - held[i]);
+        let arriving = [0, 1].map(|i| grounds[i].after(state[EACH * i + from], pushes[i], speeds[i], at.step).1 - held[i]);
         drive.copy_from_slice(&loops.of_wheels(arriving));
     }
 
@@ -207,9 +203,8 @@ impl Effect for WheelSlip {
             let held = loops.at_wheels(motion.held);
             let (pushes, grounds) = (pushes(&loops, drive, held, state, BEFORE), self.grounds(p, &loops, frame, motion));
             for (i, own) in state[..MIDDLE].chunks_exact_mut(EACH).enumerate() {
-                own[AHEAD] = grounds[i].after(own[BEFORE], pushes[i], own[HUB], 2.0 * at.span).0;
+                own[AHEAD] = grounds[i].after(own[BEFORE], pushes[i], own[HUB], at.step).0;
             }
-            state[STEP] = 2.0 * at.span;
         }
         state[MIDDLE] = if first { 1.0 } else { 0.0 };
     }
@@ -279,16 +274,10 @@ impl Ground {
         let end = (push - carried) / self.withdrawn;
         let gone = end - ahead;
         // Where the two are one but for rounding, their difference says nothing.
-        let stiffness = ((carried - self.carries(ahead, speed)) / gone).max(0.0);
-        let rate = (1.0 + stiffness / self.withdrawn) / self.spin_up;
-        if rate * span >= AGES {
-            // Where the lag is nothing, nothing of it is left.
-            return (end, carried - self.withdrawn * self.spin_up * gone / span);
-        }
-        let left = (-rate * span).exp();
-        let now = end - gone * left;
-        let mean = end - gone * (1.0 - left) / (rate * span);
-        (now, push - self.withdrawn * (mean + self.spin_up * (now - ahead) / span))
+        let stiffness = ((carried - self.carries(ahead, speed)) / gone).max(0.0) / self.withdrawn;
+        let left = (-span * (1.0 + stiffness) / self.spin_up).exp();
+        let less = self.withdrawn * gone * (1.0 - left) * self.spin_up / span * (1.0 - 1.0 / (1.0 + stiffness));
+        (end - gone * left, carried - less)
     }
 }
 

@@ -69,7 +69,7 @@ fn from(setting: &mut Setting<'_>, z: Vec<f64>) -> Option<Fit> {
             return None;
         }
         let unit = Noise::white(&setting.scene.scales.outputs, &setting.layout);
-        let whitening = Whitening::new(unit, &setting.layout, &mut runner, &point, &simulated);
+        let whitening = Whitening::new(unit, &setting.layout, &mut runner, &point);
         let first = evaluate(setting, &mut runner, &whitening, &point)?;
         let effort = Effort { trials: 25, worthwhile: if round == 0 { 1.0 } else { 0.02 }, target: f64::NEG_INFINITY };
         let found = maximise(setting, &mut runner, &whitening, first, effort, false);
@@ -89,7 +89,7 @@ pub(crate) fn renew(
     fit: &Fit,
     effort: Effort,
 ) -> Option<(Whitening, Fit)> {
-    let whitening = Whitening::new(noise, &setting.layout, runner, &fit.point, &fit.simulated);
+    let whitening = Whitening::new(noise, &setting.layout, runner, &fit.point);
     let mut next = evaluate(setting, runner, &whitening, &fit.point)?;
     let unknowns = next.point.x.len();
     linearise(runner, &whitening, &mut next, 0..unknowns);

@@ -159,8 +159,7 @@ fn usual(setting: &Setting<'_>, runner: &Runner<'_, '_>) -> impl Iterator<Item =
 /// Simulates the columns of the unknowns in a range anew.
 pub(crate) fn linearise(runner: &mut Runner<'_, '_>, whitening: &Whitening, fit: &mut Fit, unknowns: std::ops::Range<usize>) {
     fit.columns.resize(fit.point.x.len(), Vec::new());
-    for j in unknowns {
-        let mut column = runner.column(&fit.point, j, &fit.simulated);
+    for (j, mut column) in unknowns.clone().zip(runner.columns(&fit.point, unknowns)) {
         whitening.apply(&mut column);
         fit.columns[j] = column;
     }

@@ -4,7 +4,7 @@ use std::cell::Cell;
 
 use nalgebra::{DMatrix, DVector};
 use wheelwright_core::Dataset;
-use wheelwright_core::effect::{Effect, EffectParameter, EffectSimulator, Scene};
+use wheelwright_core::effect::{Effect, EffectParameter, EffectSimulator, Pace, Scene};
 use wheelwright_core::least_squares::Limits;
 use wheelwright_core::model::{ModelError, ParameterMap, RegressorModel, Sample};
 use wheelwright_core::simulation::{Readout, linear_part};
@@ -209,10 +209,8 @@ impl<'s, 'a> Runner<'s, 'a> {
 
     /// The same, as coarse as does for a rank.
     pub(crate) fn coarse(setting: &'s Setting<'a>, effects: &[&'s dyn Effect], at: &Point) -> Result<Self, ModelError> {
-        let mut runner = Self::unstepped(setting, effects, at)?;
-        runner.simulator.set_accuracy((COARSE * COARSE) as f64 * setting.tolerance, MOST_SUBSTEPS / COARSE);
+        let mut runner = Self::ranking(setting, effects, at)?;
         runner.simulator.choose_substeps(&setting.data.stretches)?;
-        runner.simulator.set_accuracy(setting.tolerance, MOST_SUBSTEPS / COARSE);
         Ok(runner)
     }
 
@@ -223,9 +221,14 @@ impl<'s, 'a> Runner<'s, 'a> {
         at: &Point,
         substeps: usize,
     ) -> Result<Self, ModelError> {
-        let mut runner = Self::unstepped(setting, effects, at)?;
-        runner.simulator.set_accuracy(setting.tolerance, MOST_SUBSTEPS / COARSE);
+        let mut runner = Self::ranking(setting, effects, at)?;
         runner.simulator.set_substeps(substeps);
+        Ok(runner)
+    }
+
+    fn ranking(setting: &'s Setting<'a>, effects: &[&'s dyn Effect], at: &Point) -> Result<Self, ModelError> {
+        let mut runner = Self::unstepped(setting, effects, at)?;
+        runner.simulator.set_accuracy((COARSE * COARSE) as f64 * setting.tolerance, MOST_SUBSTEPS / COARSE);
         Ok(runner)
     }
 
@@ -293,8 +296,35 @@ impl<'s, 'a> Runner<'s, 'a> {
         if x[j] + step > parameter.bounds.1 { -step } else { step }
     }
 
-    /// How the free run changes with one unknown; zero where it cannot be evaluated.
-    pub(crate) fn column(&mut self, point: &Point, j: usize, base: &[f64]) -> Vec<f64> {
+    /// How the free run changes with each of some unknowns; nothing where it cannot be evaluated. All of it with the same steps: where one is halved is
+    /// no response.
+    pub(crate) fn columns(&mut self, point: &Point, unknowns: std::ops::Range<usize>) -> Vec<Vec<f64>> {
+        self.beside(point, unknowns, |runner, j, base| runner.column(point, j, base))
+    }
+
+    /// How it changes with the initial value of each output, at all stretches.
+    pub(crate) fn start_columns(&mut self, point: &Point) -> Vec<Vec<f64>> {
+        let outputs = 0..self.setting.layout.outputs();
+        self.beside(point, outputs, |runner, c, base| runner.start_column(point, c, base))
+    }
+
+    /// What is found beside the run of a point, with the steps of that.
+    fn beside(
+        &mut self,
+        point: &Point,
+        all: std::ops::Range<usize>,
+        mut of: impl FnMut(&mut Self, usize, &[f64]) -> Vec<f64>,
+    ) -> Vec<Vec<f64>> {
+        let mut base = vec![0.0; self.setting.layout.len()];
+        self.simulator.set_pace(Pace::Kept);
+        let whole = self.run(&point.x, &point.starts, &mut base);
+        self.simulator.set_pace(Pace::Followed);
+        let found = all.map(|i| if whole { of(self, i, &base) } else { vec![0.0; base.len()] }).collect();
+        self.simulator.set_pace(Pace::Own);
+        found
+    }
+
+    fn column(&mut self, point: &Point, j: usize, base: &[f64]) -> Vec<f64> {
         let step = self.step(&point.x, j);
         let mut column = vec![0.0; base.len()];
         for step in [step, -step] {
@@ -309,8 +339,7 @@ impl<'s, 'a> Runner<'s, 'a> {
         column
     }
 
-    /// How the free run changes with the initial value of one output, at all stretches.
-    pub(crate) fn start_column(&mut self, point: &Point, output: usize, base: &[f64]) -> Vec<f64> {
+    fn start_column(&mut self, point: &Point, output: usize, base: &[f64]) -> Vec<f64> {
         let step = 1e-2 * self.setting.scene.scales.outputs[output];
         let mut starts = point.starts.clone();
         starts.iter_mut().for_each(|s| s[output] += step);

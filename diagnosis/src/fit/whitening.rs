@@ -48,9 +48,9 @@ struct Direction {
 }
 
 impl Whitening {
-    /// Linearises the responses to the initial outputs at a point whose free run is `simulated`.
-    pub(crate) fn new(noise: Noise, layout: &Layout, runner: &mut Runner<'_, '_>, point: &Point, simulated: &[f64]) -> Self {
-        let raw: Vec<Vec<f64>> = (0..layout.outputs()).map(|c| runner.start_column(point, c, simulated)).collect();
+    /// Linearises the responses to the initial outputs at a point.
+    pub(crate) fn new(noise: Noise, layout: &Layout, runner: &mut Runner<'_, '_>, point: &Point) -> Self {
+        let raw = runner.start_columns(point);
         let about = |s: usize| -> Vec<(f64, f64)> {
             runner.firsts(s).into_iter().zip(runner.scales()).map(|(first, scale)| (first, KNOWN * scale)).collect()
         };

@@ -61,7 +61,7 @@ impl<'a> Search<'a> {
         if !runner.run(&point.x, &point.starts, &mut simulated) {
             return None;
         }
-        let whitening = Whitening::new(noise.clone(), &self.setting.layout, &mut runner, &point, &simulated);
+        let whitening = Whitening::new(noise.clone(), &self.setting.layout, &mut runner, &point);
         let fit = evaluate(&self.setting, &mut runner, &whitening, &point)?;
         let fit = maximise(&self.setting, &mut runner, &whitening, fit, COMPARING, false);
         Some((whitening, fit))
@@ -73,7 +73,7 @@ impl<'a> Search<'a> {
         let worthwhile = !effects.is_empty() && !self.setting.exhausted();
         let runner = if worthwhile { self.runner(effects, &fit.point) } else { None };
         let by_likelihood = runner.and_then(|mut runner| {
-            let whitening = Whitening::new(noise.clone(), &self.setting.layout, &mut runner, &fit.point, &fit.simulated);
+            let whitening = Whitening::new(noise.clone(), &self.setting.layout, &mut runner, &fit.point);
             Known::of(&self.setting, &mut runner, &whitening, fit)
         });
         by_likelihood.unwrap_or_else(|| Known::by_derivatives(&self.setting, fit))

@@ -111,7 +111,8 @@ fn a_sensor_of_each_axis_is_late_by_itself() {
     assert!(error < 5e-5, "{error}");
     let one = rig.run(&SensorDelay { each_axis: true }, &[0.0, late[1]], Readout::Instantaneous);
     let now = rig.run(&SensorDelay::default(), &[0.0], Readout::Instantaneous);
-    assert_eq!((&one[0], &one[1]), (&now[0], &run[1]));
+    let error = rig.difference(&one, |k| [now[0][k], run[1][k]]);
+    assert!(error < 5e-5, "{error}");
 }
 
 #[test]
@@ -191,6 +192,7 @@ fn a_wheel_off_its_axle_is_driven_unevenly_carries_weight_is_sped_up_and_scrubs(
     let at = Instant {
         time: rig.stretch().time[row],
         span: 0.0,
+        step: 0.0,
         row,
         stretch: rig.stretch(),
         track: &rig.scene.tracks[0],

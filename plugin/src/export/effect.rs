@@ -324,7 +324,8 @@ impl Call<'_> {
     fn at(&self) -> Instant<'_> {
         let (stretch, track) = &*self.course;
         let readout = if self.at.interval_mean == 1 { Readout::IntervalMean } else { Readout::Instantaneous };
-        Instant { time: self.at.time, span: self.at.span, row: self.at.row, stretch, track, scene: &self.prepared.scene, readout }
+        let step = if self.at.span > 0.0 { 2.0 * self.at.span } else { self.prepared.scene.scales.period };
+        Instant { time: self.at.time, span: self.at.span, step, row: self.at.row, stretch, track, scene: &self.prepared.scene, readout }
     }
 
     fn sizes(&self) -> (usize, usize, usize) {

@@ -7,15 +7,19 @@
 //!
 //! exact for the linear part under a command held or changing linearly, second order in the rest. Second order, because a
 //! diagnosis simulates thousands of times and friction's kinks leave nothing to a fourth; each interval between samples is
-//! cut where a command or an effect switches, divided as finely as step doubling on a pilot found needful, and once more
-//! where the right side bends strongly within a step.
+//! cut where a command or an effect switches, divided as finely as step doubling on a pilot found needful, and a step halved,
+//! and its halves again, where the right side bends more within it than may be missed.
 
 mod linear;
+mod pace;
 mod slots;
 mod step;
 mod trace;
 
+pub use pace::Pace;
+
 use linear::Linear;
+use pace::Steps;
 use slots::Slots;
 use step::Body;
 use trace::Trace;
@@ -32,13 +36,14 @@ const MAX_SUBSTEPS: usize = 16;
 /// Change of an output within a step by the change of the right side alone, relative to its root mean square, above which the step is
 /// looked at more closely.
 const BEND: f64 = 0.02;
-/// What such a step may miss of an output before the interval is stepped again more finely, in terms of the pilot's aim.
-const MISSED: f64 = 5.0;
 /// Outputs beyond this cannot be squared and multiplied any more.
 const OVERFLOW: f64 = 1e100;
-/// How much more finely at most; and altogether, in terms of what the pilot may choose.
-const REFINEMENT: usize = 8;
+/// How much more finely at most, in terms of what the pilot may choose.
 const FINEST: usize = 2;
+/// What a step may miss more than usual where those of another run are followed: a kink that is met elsewhere is looked at more closely, and what is
+/// only met a little sooner or later is not.
+const FOLLOWED: f64 = 8.0;
+
 /// A model with effects and their parameters, ready to be run. Stepping allocates nothing.
 #[derive(Debug)]
 pub struct EffectSimulator<'a> {
@@ -57,6 +62,10 @@ pub struct EffectSimulator<'a> {
     saved: Vec<f64>,
     trace: Trace,
     steps: u64,
+    pace: Pace,
+    /// Steps that were kept, stretch by stretch, and the stretch that is run.
+    kept: Vec<Steps>,
+    stretch: usize,
 }
 
 impl<'a> EffectSimulator<'a> {
@@ -85,6 +94,9 @@ impl<'a> EffectSimulator<'a> {
             slots,
             trace: Trace::default(),
             steps: 0,
+            pace: Pace::Own,
+            kept: Vec::new(),
+            stretch: 0,
         })
     }
 
@@ -106,6 +118,11 @@ impl<'a> EffectSimulator<'a> {
     pub fn set_accuracy(&mut self, relative: f64, most: usize) {
         self.tolerance = relative.max(TOLERANCE);
         self.most = most.clamp(1, MAX_SUBSTEPS);
+    }
+
+    /// Sets how long the steps of the runs to come are.
+    pub fn set_pace(&mut self, pace: Pace) {
+        self.pace = pace;
     }
 
     /// Steps an interval between samples is divided into.

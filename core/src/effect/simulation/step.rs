@@ -4,8 +4,9 @@
 //! outputs whose linear part is diagonal, which nearly every robot on two wheels has, are then a handful of instructions a step.
 
 use super::linear::Linear;
+use super::pace::{Pace, Steps};
 use super::slots::Slots;
-use super::{BEND, EffectSimulator, FINEST, MISSED, OVERFLOW, REFINEMENT};
+use super::{BEND, EffectSimulator, FINEST, FOLLOWED, OVERFLOW};
 use crate::dataset::Stretch;
 use crate::effect::{Instant, Scene};
 use crate::model::{ModelError, RegressorModel};
@@ -20,7 +21,9 @@ const SAME: f64 = 1.0 + 1e-6;
 #[derive(Debug)]
 pub(super) struct Body {
     pub(super) x: Vec<f64>,
-    saved: Vec<f64>,
+    kept: Kept,
+    /// Whether `n0` is that of the step to come, and `n1` of the one after it.
+    known: bool,
     mid: Vec<f64>,
     n0: Vec<f64>,
     nm: Vec<f64>,
@@ -34,6 +37,15 @@ pub(super) struct Body {
     /// One over the root mean square of each output.
     fineness: Vec<f64>,
     work: Work,
+}
+
+/// What a step changes, as it was before.
+#[derive(Debug)]
+struct Kept {
+    x: Vec<f64>,
+    u: Vec<f64>,
+    travelled: Vec<f64>,
+    trace: usize,
 }
 
 /// Inputs on their way to accelerations.
@@ -53,7 +65,8 @@ impl Body {
         let (buffer, input) = (|| vec![0.0; outputs], || vec![0.0; inputs]);
         Self {
             x: buffer(),
-            saved: buffer(),
+            kept: Kept { x: buffer(), u: input(), travelled: buffer(), trace: 0 },
+            known: false,
             mid: buffer(),
             n0: buffer(),
             nm: buffer(),
@@ -93,12 +106,25 @@ impl EffectSimulator<'_> {
         simulated: &mut [Vec<f64>],
     ) -> Result<(), ModelError> {
         let (scene, readout) = (self.scene, self.readout);
-        let first =
-            Instant { time: stretch.time[rows.start], span: 0.0, row: rows.start, stretch, track: &scene.tracks[s], scene, readout };
+        let first = Instant {
+            time: stretch.time[rows.start],
+            span: 0.0,
+            step: 0.0,
+            row: rows.start,
+            stretch,
+            track: &scene.tracks[s],
+            scene,
+            readout,
+        };
         for (i, out) in simulated.iter_mut().enumerate() {
             out.clear();
             out.reserve(rows.len());
             out.push(initial[i]);
+        }
+        self.stretch = s;
+        if self.pace == Pace::Kept {
+            self.kept.resize_with(self.kept.len().max(s + 1), Steps::default);
+            self.kept[s].clear();
         }
         self.body.x.copy_from_slice(initial);
         self.trace.truncate(0, 0);
@@ -161,36 +187,19 @@ impl EffectSimulator<'_> {
         self.slots.measure(at, &|time, out| trace.at(time, out), &mut self.state, &mut self.body.next);
     }
 
-    /// Advances over the interval that begins at a sample, twice if the first pass may have missed too much: then as finely as an error
-    /// of second order asks for.
+    /// Advances over the interval that begins at a sample.
     #[inline(always)]
-    fn interval<const N: usize, const DIAGONAL: bool>(&mut self, at: &Instant<'_>, end: f64) -> Result<(), ModelError> {
-        let n = self.body.outputs::<N>();
-        self.body.saved[..n].copy_from_slice(&self.body.x[..n]);
-        self.saved.copy_from_slice(&self.state);
-        let kept = self.trace.len();
-        let missed = self.pass::<N, DIAGONAL>(at, end, self.substeps)? / (MISSED * self.tolerance);
-        if missed > 1.0 && self.substeps < FINEST * self.most && self.body.x.iter().all(|x| x.is_finite()) {
-            self.body.x.copy_from_slice(&self.body.saved);
-            self.state.copy_from_slice(&self.saved);
-            self.trace.truncate(kept, self.body.x.len());
-            let finer = (missed.sqrt().ceil() as usize).min(REFINEMENT) * self.substeps;
-            self.pass::<N, DIAGONAL>(at, end, finer.min(FINEST * self.most))?;
-        }
-        Ok(())
-    }
-
-    /// One pass over an interval; returns the most that a step may have missed.
-    #[inline(always)]
-    fn pass<const N: usize, const DIAGONAL: bool>(&mut self, first: &Instant<'_>, end: f64, substeps: usize) -> Result<f64, ModelError> {
-        let start = first.time;
+    fn interval<const N: usize, const DIAGONAL: bool>(&mut self, first: &Instant<'_>, end: f64) -> Result<(), ModelError> {
+        let (start, substeps) = (first.time, self.substeps);
         let longest = (end - start) / substeps as f64;
         // What is left after a switch this close to a sample is no step.
         let tolerance = 1e-9 * (end - start);
         let n = self.body.outputs::<N>();
         self.body.travelled[..n].fill(0.0);
-        let mut worst: f64 = 0.0;
-        let mut time = start;
+        if self.pace == Pace::Kept {
+            self.kept[self.stretch].begin(first.row);
+        }
+        let (mut time, mut parts) = (start, 0);
         while end - time > tolerance {
             let at = Instant { time, ..*first };
             self.slots.command(&at, &self.body.x, &mut self.state, &mut self.body.u);
@@ -200,16 +209,83 @@ impl EffectSimulator<'_> {
             // Where effects switch often they change fast: short pieces are refined as well when all are.
             let needed = if until - time <= SAME * longest { 1 } else { ((until - time) / longest + 1.0 - SAME).ceil() as usize };
             let count = if whole { substeps } else { needed.max(substeps.div_ceil(2)) };
-            let step = (until - time) / count as f64;
-            self.linear.prepare(step);
-            self.steps += count as u64;
-            for i in 0..count {
-                let at = Instant { time: time + i as f64 * step, ..at };
-                worst = worst.max(self.step::<N, DIAGONAL>(&at, step)?);
-            }
+            parts = self.piece::<N, DIAGONAL>(&at, (until - time) / count as f64, parts, count)?;
             time = until;
         }
-        Ok(worst)
+        Ok(())
+    }
+
+    /// So many steps of one length: one that may miss too much is halved, and its halves again, and what comes after is as long again as fits. `from` is
+    /// where the interval's parts have been counted to before; returns where to after.
+    #[inline(always)]
+    fn piece<const N: usize, const DIAGONAL: bool>(
+        &mut self,
+        first: &Instant<'_>,
+        longest: f64,
+        from: usize,
+        count: usize,
+    ) -> Result<usize, ModelError> {
+        let deepest = (FINEST * self.most / self.substeps).max(1).ilog2();
+        let shortest = longest / (1_u64 << deepest) as f64;
+        // What a step of second order misses falls by eight as it is halved.
+        let allowed = self.tolerance / self.substeps.pow(3) as f64;
+        let allowed = if self.pace == Pace::Followed { FOLLOWED * allowed } else { allowed };
+        let mut place = 0;
+        let mut depth = self.depth(first.row, from, place, deepest);
+        self.body.known = false;
+        while place < count << deepest {
+            let at = Instant { time: first.time + place as f64 * shortest, ..*first };
+            let h = longest / (1_u64 << depth) as f64;
+            self.keep::<N>();
+            self.linear.prepare(h);
+            self.steps += 1;
+            let missed = self.step::<N, DIAGONAL>(&at, h)?;
+            if missed > allowed && depth < deepest {
+                self.restore::<N>();
+                depth += 1;
+                continue;
+            }
+            std::mem::swap(&mut self.body.n0, &mut self.body.n1);
+            place += 1 << (deepest - depth);
+            if self.pace == Pace::Kept {
+                self.kept[self.stretch].push(from + place);
+            }
+            depth = depth.min(deepest - place.trailing_zeros().min(deepest)).max(self.depth(first.row, from, place, deepest));
+        }
+        Ok(from + place)
+    }
+
+    /// How often the longest step has to be halved, so that one that begins at a place is no longer than in the run that is followed.
+    #[inline(always)]
+    fn depth(&self, row: usize, from: usize, place: usize, deepest: u32) -> u32 {
+        let kept = self.kept.get(self.stretch).filter(|_| self.pace == Pace::Followed);
+        kept.and_then(|steps| steps.end(row, from + place))
+            .map_or(0, |end| deepest.saturating_sub((end - from - place).ilog2()).min(deepest))
+    }
+
+    /// Keeps what a step changes.
+    #[inline(always)]
+    fn keep<const N: usize>(&mut self) {
+        let n = self.body.outputs::<N>();
+        let Body { x, u, travelled, kept, .. } = &mut self.body;
+        kept.x[..n].copy_from_slice(&x[..n]);
+        kept.travelled[..n].copy_from_slice(&travelled[..n]);
+        kept.u.copy_from_slice(u);
+        self.saved.copy_from_slice(&self.state);
+        self.body.kept.trace = self.trace.len();
+    }
+
+    /// Takes it back.
+    #[inline(always)]
+    fn restore<const N: usize>(&mut self) {
+        let n = self.body.outputs::<N>();
+        let Body { x, u, travelled, kept, .. } = &mut self.body;
+        x[..n].copy_from_slice(&kept.x[..n]);
+        travelled[..n].copy_from_slice(&kept.travelled[..n]);
+        u.copy_from_slice(&kept.u);
+        self.state.copy_from_slice(&self.saved);
+        let kept = self.body.kept.trace;
+        self.trace.truncate(kept, self.body.x.len());
     }
 
     /// One step from `at`; returns what it may miss where the right side changes much within it.
@@ -221,6 +297,7 @@ impl EffectSimulator<'_> {
         let ([half, half_forcing, full, start, middle], part) = (linear.weights(size), &linear.part[..size]);
         let (x, mid, next) = (&mut b.x[..n], &mut b.mid[..n], &mut b.next[..n]);
         let (n0, nm) = (&mut b.n0[..n], &mut b.nm[..n]);
+        let at = &Instant { step: h, ..*at };
         let middle_at = Instant { time: at.time + 0.5 * h, span: 0.5 * h, ..*at };
         let end = Instant { time: at.time + h, span: 0.5 * h, ..*at };
         let ahead = !slots.held && !slots.looped;
@@ -236,12 +313,16 @@ impl EffectSimulator<'_> {
             straighten(starts, middles, u);
         }
         let right = RightSide { model: *model, theta, slots, linear };
-        right.accelerations::<N>(at, x, if ahead { &b.start } else { &b.u }, state, &mut b.work, n0)?;
-        if slots.sensed {
-            trace.push(at.time, x, Some(n0));
-        }
-        for (i, n0) in n0.iter_mut().enumerate() {
-            *n0 -= row::<DIAGONAL>(part, i, x);
+        // Under a command that is held a step begins as the one before it has ended, or as the longer one has begun that it is a half of.
+        let lasting = !(ahead || slots.looped || slots.driven() || slots.advancing || slots.sensed);
+        if !(lasting && b.known) {
+            right.accelerations::<N>(at, x, if ahead { &b.start } else { &b.u }, state, &mut b.work, n0)?;
+            if slots.sensed {
+                trace.push(at.time, x, Some(n0));
+            }
+            for (i, n0) in n0.iter_mut().enumerate() {
+                *n0 -= row::<DIAGONAL>(part, i, x);
+            }
         }
         for (i, mid) in mid.iter_mut().enumerate() {
             *mid = row::<DIAGONAL>(half, i, x) + row::<DIAGONAL>(half_forcing, i, n0);
@@ -254,11 +335,12 @@ impl EffectSimulator<'_> {
             slots.advance(&middle_at, &linear.motion(u, mid, &b.work.held), &b.work.given, state);
         }
         right.accelerations::<N>(&middle_at, mid, u, state, &mut b.work, nm)?;
-        let (mut bend, mut moved, mut held) = (0.0_f64, 0.0, 0.0);
+        let (mut bend, mut bowed, mut moved, mut held) = (0.0_f64, 0.0, 0.0, 0.0);
         for i in 0..n {
             nm[i] -= row::<DIAGONAL>(part, i, mid);
             let (bent, by) = ((nm[i] - n0[i]) * b.fineness[i], (mid[i] - x[i]) * b.fineness[i]);
             bend = bend.max(bent.abs());
+            bowed += bent * bent;
             moved += by * by;
             held -= bent * by;
         }
@@ -283,20 +365,20 @@ impl EffectSimulator<'_> {
         if slots.advancing {
             slots.advance(&end, &linear.motion(&b.u, x, &b.work.held), &b.work.given, state);
         }
-        if h * bend <= BEND {
-            return Ok(0.0);
-        }
-        // The step is exact for a right side that changes evenly. A third look tells a bend from a slope: of a parabola a sixth of what
-        // the ends differ from twice the middle is missed.
+        // The step is exact for a right side that changes evenly. A third look tells a bend from a slope, and sees what only the second half meets, a wheel
+        // that comes to rest: of a parabola a sixth of what the ends differ from twice the middle is missed.
         let n1 = &mut b.n1[..n];
         right.accelerations::<N>(&end, x, &b.u, state, &mut b.work, n1)?;
         let mut curved: f64 = 0.0;
         for i in 0..n {
-            let last = n1[i] - row::<DIAGONAL>(part, i, x);
+            n1[i] -= row::<DIAGONAL>(part, i, x);
             let looked_at = n0[i] + (nm[i] - n0[i]) / share;
-            curved = curved.max((n0[i] - 2.0 * looked_at + last).abs() * b.fineness[i]);
+            curved = curved.max((n0[i] - 2.0 * looked_at + n1[i]).abs() * b.fineness[i]);
         }
-        Ok(h * curved / 6.0)
+        b.known = true;
+        // And the middle was reached by what acted at the start: where the right side hangs on the outputs it is another at the true one.
+        let hanging = if moved > 0.0 { 0.25 * h * (bowed / moved).sqrt() * bend } else { 0.0 };
+        Ok(h * (curved / 6.0).max(hanging))
     }
 }
 

@@ -1,0 +1,51 @@
+//! Where steps end, kept from a run for others near by: their differences are then those of the motion, not of where a step was halved.
+
+use std::ops::Range;
+
+/// How long steps are.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Pace {
+    /// As long as each run finds them accurate.
+    #[default]
+    Own,
+    /// The same, and kept for runs to follow.
+    Kept,
+    /// No longer than in the run that was kept, and shorter only where they miss much more than there.
+    Followed,
+}
+
+/// Where the steps of a stretch end, in parts of its intervals.
+#[derive(Debug, Default)]
+pub(super) struct Steps {
+    ends: Vec<u32>,
+    /// Those of each interval, by the row that it begins at.
+    intervals: Vec<Range<usize>>,
+}
+
+impl Steps {
+    /// Begins anew.
+    pub(super) fn clear(&mut self) {
+        self.ends.clear();
+        self.intervals.clear();
+    }
+
+    /// Begins the interval after a row.
+    pub(super) fn begin(&mut self, row: usize) {
+        self.intervals.resize(row, self.ends.len()..self.ends.len());
+        self.intervals.push(self.ends.len()..self.ends.len());
+    }
+
+    /// Adds where a step of the last interval ends.
+    pub(super) fn push(&mut self, end: usize) {
+        self.ends.push(end as u32);
+        if let Some(last) = self.intervals.last_mut() {
+            last.end += 1;
+        }
+    }
+
+    /// Where the step that is taken at a place of an interval ended; `None` where none was kept.
+    pub(super) fn end(&self, row: usize, place: usize) -> Option<usize> {
+        let ends = self.ends.get(self.intervals.get(row)?.clone())?;
+        ends.iter().map(|end| *end as usize).find(|end| *end > place)
+    }
+}
