@@ -1,10 +1,11 @@
 //! What is fitted to what: model, data and scene, and the free run of a point in their common space of unknowns.
 
 use std::cell::Cell;
+use std::ops::Range;
 
 use nalgebra::{DMatrix, DVector};
 use wheelwright_core::Dataset;
-use wheelwright_core::effect::{Effect, EffectParameter, EffectSimulator, Pace, Scene};
+use wheelwright_core::effect::{Effect, EffectParameter, EffectSimulator, Scene};
 use wheelwright_core::least_squares::Limits;
 use wheelwright_core::model::{ModelError, ParameterMap, RegressorModel, Sample};
 use wheelwright_core::simulation::{Readout, linear_part};
@@ -195,6 +196,8 @@ pub(crate) struct Runner<'s, 'a> {
     /// The model and its effects.
     parts: u64,
     buffer: Vec<Vec<f64>>,
+    /// The last run that runs beside it may follow, and its point.
+    last: Option<(Point, Vec<f64>)>,
 }
 
 impl<'s, 'a> Runner<'s, 'a> {
@@ -238,7 +241,7 @@ impl<'s, 'a> Runner<'s, 'a> {
         simulator.set(&theta, &at.x[setting.free()..])?;
         let parameters = effects.iter().flat_map(|e| e.parameters(setting.scene)).collect();
         let parts = 1 + effects.iter().map(|e| e.effort()).sum::<u64>();
-        Ok(Self { setting, simulator, parameters, parts, buffer: vec![Vec::new(); setting.layout.outputs()] })
+        Ok(Self { setting, simulator, parameters, parts, buffer: vec![Vec::new(); setting.layout.outputs()], last: None })
     }
 
     /// First sample of each output of a stretch.
@@ -257,6 +260,14 @@ impl<'s, 'a> Runner<'s, 'a> {
 
     /// The free run of all stretches, flat; false if it cannot be evaluated or leaves the range of numbers.
     pub(crate) fn run(&mut self, x: &[f64], starts: &[Vec<f64>], out: &mut [f64]) -> bool {
+        self.last = None;
+        self.simulator.set_following(false);
+        let whole = self.counted(x, starts, out);
+        self.last = whole.then(|| (Point { x: x.to_vec(), starts: starts.to_vec() }, out.to_vec()));
+        whole
+    }
+
+    fn counted(&mut self, x: &[f64], starts: &[Vec<f64>], out: &mut [f64]) -> bool {
         let before = self.simulator.steps();
         let whole = self.all(x, starts, out);
         self.setting.work.set(self.setting.work.get() + self.parts * (self.simulator.steps() - before));
@@ -296,59 +307,47 @@ impl<'s, 'a> Runner<'s, 'a> {
         if x[j] + step > parameter.bounds.1 { -step } else { step }
     }
 
-    /// How the free run changes with each of some unknowns; nothing where it cannot be evaluated. All of it with the same steps: where one is halved is
-    /// no response.
-    pub(crate) fn columns(&mut self, point: &Point, unknowns: std::ops::Range<usize>) -> Vec<Vec<f64>> {
-        self.beside(point, unknowns, |runner, j, base| runner.column(point, j, base))
+    /// How the free run changes with each of some unknowns; nothing where it cannot be evaluated.
+    pub(crate) fn columns(&mut self, point: &Point, unknowns: Range<usize>) -> Vec<Vec<f64>> {
+        self.beside(point, unknowns, |runner, j, base| {
+            let step = runner.step(&point.x, j);
+            let to = |step: f64| {
+                let mut x = point.x.clone();
+                x[j] += step;
+                (step, Point { x, starts: point.starts.clone() })
+            };
+            [step, -step].map(to).iter().find_map(|(step, there)| runner.change(there, base, *step))
+        })
     }
 
     /// How it changes with the initial value of each output, at all stretches.
     pub(crate) fn start_columns(&mut self, point: &Point) -> Vec<Vec<f64>> {
-        let outputs = 0..self.setting.layout.outputs();
-        self.beside(point, outputs, |runner, c, base| runner.start_column(point, c, base))
+        self.beside(point, 0..self.setting.layout.outputs(), |runner, output, base| {
+            let step = 1e-2 * runner.setting.scene.scales.outputs[output];
+            let mut there = point.clone();
+            there.starts.iter_mut().for_each(|start| start[output] += step);
+            runner.change(&there, base, step)
+        })
     }
 
-    /// What is found beside the run of a point, with the steps of that.
-    fn beside(
-        &mut self,
-        point: &Point,
-        all: std::ops::Range<usize>,
-        mut of: impl FnMut(&mut Self, usize, &[f64]) -> Vec<f64>,
-    ) -> Vec<Vec<f64>> {
-        let mut base = vec![0.0; self.setting.layout.len()];
-        self.simulator.set_pace(Pace::Kept);
-        let whole = self.run(&point.x, &point.starts, &mut base);
-        self.simulator.set_pace(Pace::Followed);
-        let found = all.map(|i| if whole { of(self, i, &base) } else { vec![0.0; base.len()] }).collect();
-        self.simulator.set_pace(Pace::Own);
+    /// What runs beside that of a point find, nothing where there are none.
+    fn beside(&mut self, point: &Point, all: Range<usize>, find: impl Fn(&mut Self, usize, &[f64]) -> Option<Vec<f64>>) -> Vec<Vec<f64>> {
+        let nothing = vec![0.0; self.setting.layout.len()];
+        if self.last.as_ref().is_none_or(|(last, _)| last != point) {
+            self.run(&point.x, &point.starts, &mut nothing.clone());
+        }
+        let Some((_, base)) = self.last.take() else { return vec![nothing; all.len()] };
+        self.simulator.set_following(true);
+        let found = all.map(|i| find(self, i, &base).unwrap_or_else(|| nothing.clone())).collect();
+        self.last = Some((point.clone(), base));
         found
     }
 
-    fn column(&mut self, point: &Point, j: usize, base: &[f64]) -> Vec<f64> {
-        let step = self.step(&point.x, j);
+    /// By how much the run of a point differs from another one, over a step.
+    fn change(&mut self, there: &Point, base: &[f64], step: f64) -> Option<Vec<f64>> {
         let mut column = vec![0.0; base.len()];
-        for step in [step, -step] {
-            let mut x = point.x.clone();
-            x[j] += step;
-            if self.run(&x, &point.starts, &mut column) {
-                column.iter_mut().zip(base).for_each(|(c, b)| *c = (*c - b) / step);
-                return column;
-            }
-        }
-        column.fill(0.0);
-        column
-    }
-
-    fn start_column(&mut self, point: &Point, output: usize, base: &[f64]) -> Vec<f64> {
-        let step = 1e-2 * self.setting.scene.scales.outputs[output];
-        let mut starts = point.starts.clone();
-        starts.iter_mut().for_each(|s| s[output] += step);
-        let mut column = vec![0.0; base.len()];
-        if self.run(&point.x, &starts, &mut column) {
-            column.iter_mut().zip(base).for_each(|(c, b)| *c = (*c - b) / step);
-        } else {
-            column.fill(0.0);
-        }
-        column
+        let whole = self.counted(&there.x, &there.starts, &mut column);
+        column.iter_mut().zip(base).for_each(|(c, b)| *c = (*c - b) / step);
+        whole.then_some(column)
     }
 }

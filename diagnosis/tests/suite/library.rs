@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 
 use crate::rig::{HALF_TRACK, Rig, body, sides};
 use proptest::prelude::*;
-use wheelwright_core::effect::{Effect, EffectParameter, EffectSimulator, Estimate, Instant, Motion, Pace, Place, Scene, Stage, Start};
+use wheelwright_core::effect::{Effect, EffectParameter, EffectSimulator, Estimate, Instant, Motion, Place, Scene, Stage, Start};
 use wheelwright_core::model::ModelError;
 use wheelwright_core::simulation::Readout;
 use wheelwright_diagnosis::effects::{
@@ -275,9 +275,9 @@ fn responses_are_smooth_in_the_parameters_of_the_dynamics() {
             let Some(Start { values: start, .. }) = starts.get(starts.len() / 2) else { continue };
             let mut simulator = EffectSimulator::new(&*rig.model, &rig.theta, &[&*effect], &scene).unwrap();
             simulator.set_substeps(8);
-            let mut run = |values: &[f64], pace: Pace| {
+            let mut run = |values: &[f64], follows: bool| {
                 simulator.set(&rig.theta, values).unwrap();
-                simulator.set_pace(pace);
+                simulator.set_following(follows);
                 let mut run = vec![Vec::new(); 2];
                 simulator.run(0, rig.stretch(), &rig.start, &mut run).unwrap();
                 run.concat()
@@ -287,14 +287,14 @@ fn responses_are_smooth_in_the_parameters_of_the_dynamics() {
                 let size = if p.unit == "s" && p.bounds.0 > 0.0 { p.scale } else { p.scale.max(start[i].abs()) };
                 // At the start itself of this one an interval changes to finer steps, of a hundred sizes beside it at none.
                 let from = if effect.about() == geared { 0.01 * size } else { 0.0 };
-                let mut at = |share: f64, pace: Pace| {
+                let mut at = |share: f64, follows: bool| {
                     let mut values = start.clone();
                     values[i] += from + share * size;
-                    run(&values, pace)
+                    run(&values, follows)
                 };
                 // As a fit takes them: with the steps of the run beside which they are.
-                let base = at(0.0, Pace::Kept);
-                let mut response = |share: f64| at(share, Pace::Followed).iter().zip(&base).map(|(a, b)| a - b).collect::<Vec<f64>>();
+                let base = at(0.0, false);
+                let mut response = |share: f64| at(share, true).iter().zip(&base).map(|(a, b)| a - b).collect::<Vec<f64>>();
                 let (whole, half) = (response(0.002), response(0.001));
                 let norm = |x: &mut dyn Iterator<Item = f64>| x.map(|x| x * x).sum::<f64>().sqrt();
                 let bend = norm(&mut whole.iter().zip(&half).map(|(w, h)| w - 2.0 * h)) / norm(&mut whole.iter().copied()).max(1e-9);

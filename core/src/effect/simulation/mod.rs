@@ -16,8 +16,6 @@ mod slots;
 mod step;
 mod trace;
 
-pub use pace::Pace;
-
 use linear::Linear;
 use pace::Steps;
 use slots::Slots;
@@ -62,8 +60,9 @@ pub struct EffectSimulator<'a> {
     saved: Vec<f64>,
     trace: Trace,
     steps: u64,
-    pace: Pace,
-    /// Steps that were kept, stretch by stretch, and the stretch that is run.
+    /// Whether a run follows the steps of one before it.
+    follows: bool,
+    /// Those steps, stretch by stretch, and the stretch that is run.
     kept: Vec<Steps>,
     stretch: usize,
 }
@@ -94,7 +93,7 @@ impl<'a> EffectSimulator<'a> {
             slots,
             trace: Trace::default(),
             steps: 0,
-            pace: Pace::Own,
+            follows: false,
             kept: Vec::new(),
             stretch: 0,
         })
@@ -120,9 +119,10 @@ impl<'a> EffectSimulator<'a> {
         self.most = most.clamp(1, MAX_SUBSTEPS);
     }
 
-    /// Sets how long the steps of the runs to come are.
-    pub fn set_pace(&mut self, pace: Pace) {
-        self.pace = pace;
+    /// Has the runs to come follow the last one that did not: no step is longer than there, and shorter only where it misses much more. Their differences
+    /// are then those of the motion, not of where a step was halved.
+    pub fn set_following(&mut self, follows: bool) {
+        self.follows = follows;
     }
 
     /// Steps an interval between samples is divided into.

@@ -2,18 +2,6 @@
 
 use std::ops::Range;
 
-/// How long steps are.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum Pace {
-    /// As long as each run finds them accurate.
-    #[default]
-    Own,
-    /// The same, and kept for runs to follow.
-    Kept,
-    /// No longer than in the run that was kept, and shorter only where they miss much more than there.
-    Followed,
-}
-
 /// Where the steps of a stretch end, in parts of its intervals.
 #[derive(Debug, Default)]
 pub(super) struct Steps {

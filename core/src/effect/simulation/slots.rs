@@ -85,6 +85,12 @@ impl<'a> Slots<'a> {
         }
     }
 
+    /// Whether forces act that may set in within a step without its start and its middle telling.
+    #[inline(always)]
+    pub(super) fn abrupt(&self) -> bool {
+        self.bears() || self.loads() || self.driven()
+    }
+
     pub(super) fn bears(&self) -> bool {
         !self.bearings.is_empty()
     }

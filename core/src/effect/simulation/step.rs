@@ -4,7 +4,7 @@
 //! outputs whose linear part is diagonal, which nearly every robot on two wheels has, are then a handful of instructions a step.
 
 use super::linear::Linear;
-use super::pace::{Pace, Steps};
+use super::pace::Steps;
 use super::slots::Slots;
 use super::{BEND, EffectSimulator, FINEST, FOLLOWED, OVERFLOW};
 use crate::dataset::Stretch;
@@ -122,7 +122,7 @@ impl EffectSimulator<'_> {
             out.push(initial[i]);
         }
         self.stretch = s;
-        if self.pace == Pace::Kept {
+        if !self.follows {
             self.kept.resize_with(self.kept.len().max(s + 1), Steps::default);
             self.kept[s].clear();
         }
@@ -196,7 +196,7 @@ impl EffectSimulator<'_> {
         let tolerance = 1e-9 * (end - start);
         let n = self.body.outputs::<N>();
         self.body.travelled[..n].fill(0.0);
-        if self.pace == Pace::Kept {
+        if !self.follows {
             self.kept[self.stretch].begin(first.row);
         }
         let (mut time, mut parts) = (start, 0);
@@ -229,7 +229,7 @@ impl EffectSimulator<'_> {
         let shortest = longest / (1_u64 << deepest) as f64;
         // What a step of second order misses falls by eight as it is halved.
         let allowed = self.tolerance / self.substeps.pow(3) as f64;
-        let allowed = if self.pace == Pace::Followed { FOLLOWED * allowed } else { allowed };
+        let allowed = if self.follows { FOLLOWED * allowed } else { allowed };
         let mut place = 0;
         let mut depth = self.depth(first.row, from, place, deepest);
         self.body.known = false;
@@ -239,7 +239,7 @@ impl EffectSimulator<'_> {
             self.keep::<N>();
             self.linear.prepare(h);
             self.steps += 1;
-            let missed = self.step::<N, DIAGONAL>(&at, h)?;
+            let missed = self.step::<N, DIAGONAL>(&at, h, allowed)?;
             if missed > allowed && depth < deepest {
                 self.restore::<N>();
                 depth += 1;
@@ -247,7 +247,7 @@ impl EffectSimulator<'_> {
             }
             std::mem::swap(&mut self.body.n0, &mut self.body.n1);
             place += 1 << (deepest - depth);
-            if self.pace == Pace::Kept {
+            if !self.follows {
                 self.kept[self.stretch].push(from + place);
             }
             depth = depth.min(deepest - place.trailing_zeros().min(deepest)).max(self.depth(first.row, from, place, deepest));
@@ -258,7 +258,7 @@ impl EffectSimulator<'_> {
     /// How often the longest step has to be halved, so that one that begins at a place is no longer than in the run that is followed.
     #[inline(always)]
     fn depth(&self, row: usize, from: usize, place: usize, deepest: u32) -> u32 {
-        let kept = self.kept.get(self.stretch).filter(|_| self.pace == Pace::Followed);
+        let kept = self.kept.get(self.stretch).filter(|_| self.follows);
         kept.and_then(|steps| steps.end(row, from + place))
             .map_or(0, |end| deepest.saturating_sub((end - from - place).ilog2()).min(deepest))
     }
@@ -288,9 +288,9 @@ impl EffectSimulator<'_> {
         self.trace.truncate(kept, self.body.x.len());
     }
 
-    /// One step from `at`; returns what it may miss where the right side changes much within it.
+    /// One step from `at`; returns what it may miss, if that may be more than is allowed.
     #[inline(always)]
-    fn step<const N: usize, const DIAGONAL: bool>(&mut self, at: &Instant<'_>, h: f64) -> Result<f64, ModelError> {
+    fn step<const N: usize, const DIAGONAL: bool>(&mut self, at: &Instant<'_>, h: f64, allowed: f64) -> Result<f64, ModelError> {
         let Self { model, theta, slots, state, linear, body: b, trace, readout, .. } = self;
         let n = b.outputs::<N>();
         let size = if DIAGONAL { n } else { n * n };
@@ -365,6 +365,12 @@ impl EffectSimulator<'_> {
         if slots.advancing {
             slots.advance(&end, &linear.motion(&b.u, x, &b.work.held), &b.work.given, state);
         }
+        // The middle was reached by what acted at the start: where the right side hangs on the outputs it is another at the true one.
+        let hanging = if moved > 0.0 { 0.25 * h * (bowed / moved).sqrt() * bend } else { 0.0 };
+        if !slots.abrupt() && h * bend <= allowed && h * hanging <= allowed {
+            b.known = false;
+            return Ok(0.0);
+        }
         // The step is exact for a right side that changes evenly. A third look tells a bend from a slope, and sees what only the second half meets, a wheel
         // that comes to rest: of a parabola a sixth of what the ends differ from twice the middle is missed.
         let n1 = &mut b.n1[..n];
@@ -376,8 +382,6 @@ impl EffectSimulator<'_> {
             curved = curved.max((n0[i] - 2.0 * looked_at + n1[i]).abs() * b.fineness[i]);
         }
         b.known = true;
-        // And the middle was reached by what acted at the start: where the right side hangs on the outputs it is another at the true one.
-        let hanging = if moved > 0.0 { 0.25 * h * (bowed / moved).sqrt() * bend } else { 0.0 };
         Ok(h * (curved / 6.0).max(hanging))
     }
 }
