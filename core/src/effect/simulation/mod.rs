@@ -38,6 +38,8 @@ const BEND: f64 = 0.02;
 const OVERFLOW: f64 = 1e100;
 /// How much more finely at most, in terms of what the pilot may choose.
 const FINEST: usize = 2;
+/// What a step may miss of an output before it is halved, in terms of the pilot's aim.
+const MISSED: f64 = 3.0;
 /// What a step may miss more than usual where those of another run are followed: a kink that is met elsewhere is looked at more closely, and what is
 /// only met a little sooner or later is not.
 const FOLLOWED: f64 = 8.0;

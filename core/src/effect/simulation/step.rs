@@ -6,7 +6,7 @@
 use super::linear::Linear;
 use super::pace::Steps;
 use super::slots::Slots;
-use super::{BEND, EffectSimulator, FINEST, FOLLOWED, OVERFLOW};
+use super::{BEND, EffectSimulator, FINEST, FOLLOWED, MISSED, OVERFLOW};
 use crate::dataset::Stretch;
 use crate::effect::{Instant, Scene};
 use crate::model::{ModelError, RegressorModel};
@@ -228,7 +228,7 @@ impl EffectSimulator<'_> {
         let deepest = (FINEST * self.most / self.substeps).max(1).ilog2();
         let shortest = longest / (1_u64 << deepest) as f64;
         // What a step of second order misses falls by eight as it is halved.
-        let allowed = self.tolerance / self.substeps.pow(3) as f64;
+        let allowed = MISSED * self.tolerance / self.substeps.pow(3) as f64;
         let allowed = if self.follows { FOLLOWED * allowed } else { allowed };
         let mut place = 0;
         let mut depth = self.depth(first.row, from, place, deepest);
@@ -241,7 +241,7 @@ impl EffectSimulator<'_> {
             self.steps += 1;
             let missed = self.step::<N, DIAGONAL>(&at, h, allowed)?;
             if missed > allowed && depth < deepest {
-                self.restore::<N>();
+                self.restore();
                 depth += 1;
                 continue;
             }
@@ -268,24 +268,23 @@ impl EffectSimulator<'_> {
     fn keep<const N: usize>(&mut self) {
         let n = self.body.outputs::<N>();
         let Body { x, u, travelled, kept, .. } = &mut self.body;
+        let m = if N == 0 { u.len() } else { N };
         kept.x[..n].copy_from_slice(&x[..n]);
+        kept.u[..m].copy_from_slice(&u[..m]);
         kept.travelled[..n].copy_from_slice(&travelled[..n]);
-        kept.u.copy_from_slice(u);
+        kept.trace = self.trace.len();
         self.saved.copy_from_slice(&self.state);
-        self.body.kept.trace = self.trace.len();
     }
 
     /// Takes it back.
-    #[inline(always)]
-    fn restore<const N: usize>(&mut self) {
-        let n = self.body.outputs::<N>();
+    #[cold]
+    fn restore(&mut self) {
         let Body { x, u, travelled, kept, .. } = &mut self.body;
-        x[..n].copy_from_slice(&kept.x[..n]);
-        travelled[..n].copy_from_slice(&kept.travelled[..n]);
+        x.copy_from_slice(&kept.x);
         u.copy_from_slice(&kept.u);
+        travelled.copy_from_slice(&kept.travelled);
+        self.trace.truncate(kept.trace, x.len());
         self.state.copy_from_slice(&self.saved);
-        let kept = self.body.kept.trace;
-        self.trace.truncate(kept, self.body.x.len());
     }
 
     /// One step from `at`; returns what it may miss, if that may be more than is allowed.
