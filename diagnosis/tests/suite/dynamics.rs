@@ -839,3 +839,48 @@ fn loops_integrate_what_unequal_wheels_tell_them() {
     });
     assert!(error < 1e-3, "{error}");
 }
+
+/// A wheel comes to rest anywhere within a step: only there it has to be a short one.
+#[test]
+fn steps_are_short_where_a_wheel_comes_to_rest() {
+    let (rig, friction) = (body(), 0.06);
+    let (scene, effect, mut run) = (rig.scene(), CoulombFriction::default(), vec![Vec::new(); 2]);
+    let mut simulator = EffectSimulator::new(&*rig.model, &rig.theta, &[&effect], &scene).unwrap();
+    simulator.set(&rig.theta, &[friction, 1.0]).unwrap();
+    simulator.set_accuracy(1e-4, 16);
+    simulator.set_substeps(1);
+    simulator.run(0, rig.stretch(), &rig.start, &mut run).unwrap();
+    let truth = integrate(rig.stretch(), rig.start, &[], |_, u, x| {
+        let load = off(wheels(x).map(|s| friction * rig.sign(s)), 1.0);
+        (rig.base)([u[0] - load[0], u[1] - load[1]], x)
+    });
+    let square = |i: usize| truth.iter().zip(&run[i]).map(move |(x, y)| (x[i] - y).powi(2)).sum::<f64>() / truth.len() as f64;
+    let error = [0, 1].map(|i| square(i).sqrt() / scene.scales.outputs[i]).into_iter().fold(0.0, f64::max);
+    assert!(error < 3e-4, "{error}");
+    assert!(simulator.steps() < 2 * truth.len() as u64, "{} steps for {} rows", simulator.steps(), truth.len());
+}
+
+/// Runs near by differ by the motion, and not by where one of them halves a step.
+#[test]
+fn runs_that_follow_another_differ_evenly_from_it() {
+    let rig = body();
+    let (scene, effect) = (rig.scene(), CoulombFriction::default());
+    let mut simulator = EffectSimulator::new(&*rig.model, &rig.theta, &[&effect], &scene).unwrap();
+    simulator.set_accuracy(1e-3, 16);
+    simulator.set_substeps(1);
+    let mut run = |friction: f64, follows: bool| {
+        simulator.set(&rig.theta, &[friction, 1.0]).unwrap();
+        simulator.set_following(follows);
+        let mut run = vec![Vec::new(); 2];
+        simulator.run(0, rig.stretch(), &rig.start, &mut run).unwrap();
+        run.concat()
+    };
+    let mut uneven = |follows: bool| {
+        let base = run(0.06, false);
+        let [near, far] = [0.06003, 0.06006].map(|friction| run(friction, follows));
+        let size = |of: &dyn Fn(usize) -> f64| (0..base.len()).map(|k| of(k).powi(2)).sum::<f64>().sqrt();
+        size(&|k| far[k] - 2.0 * near[k] + base[k]) / size(&|k| far[k] - base[k])
+    };
+    let [follows, own] = [true, false].map(&mut uneven);
+    assert!(follows < 0.02 && own > 5.0 * follows, "{follows} {own}");
+}
