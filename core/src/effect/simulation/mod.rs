@@ -31,8 +31,8 @@ use crate::simulation::Readout;
 const TOLERANCE: f64 = 2e-5;
 /// Most steps between samples that the pilot may choose, unless told otherwise.
 const MAX_SUBSTEPS: usize = 16;
-/// Change of an output within a step by the change of the right side alone, relative to its root mean square, above which the step is
-/// looked at more closely.
+/// Change of an output within a step by the change of the right side alone, relative to its root mean square, above which an implicit rule is too coarse
+/// for what holds the outputs.
 const BEND: f64 = 0.02;
 /// Outputs beyond this cannot be squared and multiplied any more.
 const OVERFLOW: f64 = 1e100;
