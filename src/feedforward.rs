@@ -170,16 +170,7 @@ impl<'a> Bench<'a> {
 
     /// What is to be added to the base model's steady input so that the outputs are held.
     fn added(&self, model: &dyn RegressorModel, theta: &[f64], effects: &[&LoadedEffect], x: &[f64]) -> Result<Vec<f64>, ModelError> {
-        let at = Instant {
-            time: self.stretch.time[0],
-            span: 0.0,
-            step: 0.0,
-            row: 0,
-            stretch: &self.stretch,
-            track: &self.track,
-            scene: self.scene,
-            readout: Readout::Instantaneous,
-        };
+        let at = Instant::of_sample(&self.stretch, 0, &self.track, self.scene, Readout::Instantaneous);
         let steady = steady_input(model, theta, x)?;
         let mut load = vec![0.0; self.inputs];
         for l in effects.iter().filter(|l| loads(&*l.effect)) {

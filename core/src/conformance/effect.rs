@@ -371,16 +371,8 @@ impl Trial<'_> {
         let mut state = vec![0.0; self.effect.states(scene)];
         for k in 0..ROWS - 1 {
             let (start, interval) = (stretch.time[k], stretch.time[k + 1] - stretch.time[k]);
-            let at = |share: f64| Instant {
-                time: start + share * interval,
-                span: 0.0,
-                step: 0.0,
-                row: k,
-                stretch,
-                track: &scene.tracks[1],
-                scene,
-                readout: Readout::default(),
-            };
+            let sample = Instant::of_sample(stretch, k, &scene.tracks[1], scene, Readout::default());
+            let at = |share: f64| Instant { time: start + share * interval, ..sample };
             let sent: Vec<f64> = stretch.inputs.iter().map(|c| c[k]).collect();
             let mut command = |share: f64, outputs: f64| {
                 let (mut u, outputs) = (sent.clone(), vec![outputs; stretch.outputs.len()]);
@@ -400,18 +392,9 @@ impl Trial<'_> {
         let (scene, stretch) = (&bench.scene, &bench.data.stretches[1]);
         let n = stretch.inputs.len();
         let mut state = vec![0.0; effect.states(scene)];
-        let begin = Instant {
-            time: stretch.time[0],
-            span: 0.0,
-            step: 0.0,
-            row: 0,
-            stretch,
-            track: &scene.tracks[1],
-            scene,
-            readout: Readout::default(),
-        };
+        let sample = |k: usize| Instant::of_sample(stretch, k, &scene.tracks[1], scene, Readout::default());
         let of = |columns: &[Vec<f64>], k: usize| columns.iter().map(|c| c[k]).collect::<Vec<f64>>();
-        effect.begin(p, &begin, &of(&stretch.inputs, 0), &of(&stretch.outputs, 0), &mut state);
+        effect.begin(p, &sample(0), &of(&stretch.inputs, 0), &of(&stretch.outputs, 0), &mut state);
         let [inertia, drag] = [0.5, 1.0].map(|x| (0..n * n).map(|i| if i % (n + 1) == 0 { x } else { 0.0 }).collect::<Vec<f64>>());
         let past = |time: f64, out: &mut [f64]| {
             let k = stretch.time.partition_point(|t| *t <= time).max(1) - 1;
@@ -419,13 +402,8 @@ impl Trial<'_> {
         };
         let bad = |values: &[f64]| values.iter().any(|x| !x.is_finite());
         for k in 1..ROWS {
-            let at = Instant {
-                time: stretch.time[k],
-                span: stretch.time[k] - stretch.time[k - 1],
-                step: stretch.time[k] - stretch.time[k - 1],
-                row: k,
-                ..begin
-            };
+            let interval = stretch.time[k] - stretch.time[k - 1];
+            let at = Instant { span: interval, step: interval, ..sample(k) };
             let (mut u, mut x) = (of(&stretch.inputs, k), of(&stretch.outputs, k));
             let (mut load, mut drive) = (vec![0.0; n], u.iter().zip(&x).map(|(u, x)| u - x).collect::<Vec<f64>>());
             effect.command(p, &at, &x, &mut state, &mut u);

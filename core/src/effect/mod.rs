@@ -20,7 +20,7 @@ use serde::Serialize;
 
 pub use frame::Frame;
 pub use scene::{Instant, Scales, Scene, Track};
-pub use simulation::EffectSimulator;
+pub use simulation::{Direction, EffectSimulator};
 
 /// Where an effect acts. Effects of one simulation act in this order.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize)]

@@ -196,7 +196,12 @@ pub struct Instant<'a> {
     pub readout: Readout,
 }
 
-impl Instant<'_> {
+impl<'a> Instant<'a> {
+    /// The instant of a sample, in which no time passes.
+    pub fn of_sample(stretch: &'a Stretch, row: usize, track: &'a Track, scene: &'a Scene, readout: Readout) -> Self {
+        Self { time: stretch.time[row], span: 0.0, step: 0.0, row, stretch, track, scene, readout }
+    }
+
     /// Time from the sample before this row to it \[s\]; zero at the first.
     pub fn interval(&self) -> f64 {
         match self.row.checked_sub(1) {

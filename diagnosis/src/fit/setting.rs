@@ -5,7 +5,7 @@ use std::ops::Range;
 
 use nalgebra::{DMatrix, DVector};
 use wheelwright_core::Dataset;
-use wheelwright_core::effect::{Effect, EffectParameter, EffectSimulator, Scene};
+use wheelwright_core::effect::{Direction, Effect, EffectParameter, EffectSimulator, Scene};
 use wheelwright_core::least_squares::Limits;
 use wheelwright_core::model::{ModelError, ParameterMap, RegressorModel, Sample};
 use wheelwright_core::simulation::{Readout, linear_part};
@@ -196,8 +196,16 @@ pub(crate) struct Runner<'s, 'a> {
     /// The model and its effects.
     parts: u64,
     buffer: Vec<Vec<f64>>,
-    /// The last run that runs beside it may follow, and its point.
-    last: Option<(Point, Vec<f64>)>,
+    /// The last run that runs beside it may follow.
+    last: Option<Last>,
+}
+
+/// A run, and what is known of its surroundings.
+struct Last {
+    point: Point,
+    run: Vec<f64>,
+    /// How it changes with each free parameter of the base, and then with the initial value of each output; none where nobody has asked.
+    tangents: Vec<Vec<f64>>,
 }
 
 impl<'s, 'a> Runner<'s, 'a> {
@@ -258,12 +266,18 @@ impl<'s, 'a> Runner<'s, 'a> {
         self.simulator.substeps()
     }
 
-    /// The free run of all stretches, flat; false if it cannot be evaluated or leaves the range of numbers.
+    /// The free run of all stretches, flat; false if it cannot be evaluated or leaves the range of numbers. That of the point where it was last is not
+    /// made again.
     pub(crate) fn run(&mut self, x: &[f64], starts: &[Vec<f64>], out: &mut [f64]) -> bool {
+        if let Some(Last { run, .. }) = self.last.as_ref().filter(|last| last.point.x == x && last.point.starts == starts) {
+            out.copy_from_slice(run);
+            return true;
+        }
         self.last = None;
         self.simulator.set_following(false);
         let whole = self.counted(x, starts, out);
-        self.last = whole.then(|| (Point { x: x.to_vec(), starts: starts.to_vec() }, out.to_vec()));
+        let point = || Point { x: x.to_vec(), starts: starts.to_vec() };
+        self.last = whole.then(|| Last { point: point(), run: out.to_vec(), tangents: Vec::new() });
         whole
     }
 
@@ -309,7 +323,10 @@ impl<'s, 'a> Runner<'s, 'a> {
 
     /// How the free run changes with each of some unknowns; nothing where it cannot be evaluated.
     pub(crate) fn columns(&mut self, point: &Point, unknowns: Range<usize>) -> Vec<Vec<f64>> {
-        self.beside(point, unknowns, |runner, j, base| {
+        let base = unknowns.start..unknowns.end.min(self.setting.free());
+        let known = if base.is_empty() { None } else { self.tangents(point, base) };
+        let own = unknowns.start + known.as_ref().map_or(0, Vec::len)..unknowns.end;
+        let beside = self.beside(point, own, |runner, j, base| {
             let step = runner.step(&point.x, j);
             let to = |step: f64| {
                 let mut x = point.x.clone();
@@ -317,12 +334,17 @@ impl<'s, 'a> Runner<'s, 'a> {
                 (step, Point { x, starts: point.starts.clone() })
             };
             [step, -step].map(to).iter().find_map(|(step, there)| runner.change(there, base, *step))
-        })
+        });
+        known.into_iter().flatten().chain(beside).collect()
     }
 
     /// How it changes with the initial value of each output, at all stretches.
     pub(crate) fn start_columns(&mut self, point: &Point) -> Vec<Vec<f64>> {
-        self.beside(point, 0..self.setting.layout.outputs(), |runner, output, base| {
+        let (free, outputs) = (self.setting.free(), self.setting.layout.outputs());
+        if let Some(known) = self.tangents(point, free..free + outputs) {
+            return known;
+        }
+        self.beside(point, 0..outputs, |runner, output, base| {
             let step = 1e-2 * runner.setting.scene.scales.outputs[output];
             let mut there = point.clone();
             there.starts.iter_mut().for_each(|start| start[output] += step);
@@ -330,16 +352,62 @@ impl<'s, 'a> Runner<'s, 'a> {
         })
     }
 
+    /// Some of the tangents of a point's run, where there are such.
+    fn tangents(&mut self, point: &Point, which: Range<usize>) -> Option<Vec<Vec<f64>>> {
+        if !self.simulator.has_tangents() {
+            return None;
+        }
+        if self.last.as_ref().is_none_or(|last| last.point != *point || last.tangents.is_empty()) {
+            self.carried(point);
+        }
+        self.last.as_ref().and_then(|last| last.tangents.get(which)).map(<[_]>::to_vec)
+    }
+
+    /// Makes the run of a point with its tangents.
+    fn carried(&mut self, point: &Point) -> Option<()> {
+        self.last = None;
+        self.simulator.set_following(false);
+        let (setting, before) = (self.setting, self.simulator.steps());
+        let free = setting.free();
+        let theta = |z: &[f64]| setting.map.theta(z);
+        let direction = |j: usize| {
+            let mut z = point.x[..free].to_vec();
+            z[j] += setting.steps[j];
+            (theta(&z), setting.steps[j])
+        };
+        let directions: Vec<Direction> = (0..free).map(direction).collect();
+        self.simulator.set(&theta(&point.x[..free]), &point.x[free..]).ok()?;
+        let mut run = vec![0.0; setting.layout.len()];
+        let mut tangents = vec![run.clone(); free + setting.layout.outputs()];
+        for (s, stretch) in setting.data.stretches.iter().enumerate() {
+            let carried = self.simulator.tangents(s, stretch, &point.starts[s], &directions, &mut self.buffer).ok()?;
+            let runs = std::iter::once(&self.buffer).chain(&carried);
+            for (out, series) in std::iter::once(&mut run).chain(&mut tangents).zip(runs) {
+                series.iter().enumerate().for_each(|(c, series)| out[setting.layout.part(c, s)].copy_from_slice(series));
+            }
+        }
+        setting.work.set(setting.work.get() + self.parts * (self.simulator.steps() - before));
+        let finite = |values: &Vec<f64>| values.iter().all(|x| x.is_finite());
+        if !finite(&run) || !tangents.iter().all(finite) {
+            return None;
+        }
+        self.last = Some(Last { point: point.clone(), run, tangents });
+        Some(())
+    }
+
     /// What runs beside that of a point find, nothing where there are none.
     fn beside(&mut self, point: &Point, all: Range<usize>, find: impl Fn(&mut Self, usize, &[f64]) -> Option<Vec<f64>>) -> Vec<Vec<f64>> {
+        if all.is_empty() {
+            return Vec::new();
+        }
         let nothing = vec![0.0; self.setting.layout.len()];
-        if self.last.as_ref().is_none_or(|(last, _)| last != point) {
+        if self.last.as_ref().is_none_or(|last| last.point != *point) {
             self.run(&point.x, &point.starts, &mut nothing.clone());
         }
-        let Some((_, base)) = self.last.take() else { return vec![nothing; all.len()] };
+        let Some(last) = self.last.take() else { return vec![nothing; all.len()] };
         self.simulator.set_following(true);
-        let found = all.map(|i| find(self, i, &base).unwrap_or_else(|| nothing.clone())).collect();
-        self.last = Some((point.clone(), base));
+        let found = all.map(|i| find(self, i, &last.run).unwrap_or_else(|| nothing.clone())).collect();
+        self.last = Some(last);
         found
     }
 

@@ -314,16 +314,7 @@ fn a_castor_starts_from_rest_as_it_was_left() {
     let (scene, castor) = (rig.scene(), CastorDrag { kind: CastorKind::Swivel });
     let begun = |from_rest: bool, outputs: &[f64]| {
         let track = Track { from_rest, ..scene.tracks[0].clone() };
-        let at = Instant {
-            time: 0.0,
-            span: 0.0,
-            step: 0.0,
-            row: 0,
-            stretch: rig.stretch(),
-            track: &track,
-            scene: &scene,
-            readout: Readout::Instantaneous,
-        };
+        let at = Instant::of_sample(rig.stretch(), 0, &track, &scene, Readout::Instantaneous);
         let mut state = [0.0; 4];
         castor.begin(&[0.05, 0.2, 0.05, 0.0, 0.0, 2.0, 1.0], &at, &[0.0, 0.0], outputs, &mut state);
         2.0 * state[1].atan2(state[0])

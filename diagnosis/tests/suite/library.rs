@@ -219,16 +219,7 @@ fn friction_never_drives() {
     ];
     for rig in [body(), sides()] {
         let scene = rig.scene();
-        let at = Instant {
-            time: 0.0,
-            span: 0.0,
-            step: 0.0,
-            row: 0,
-            stretch: rig.stretch(),
-            track: &scene.tracks[0],
-            scene: &scene,
-            readout: Readout::default(),
-        };
+        let at = Instant::of_sample(rig.stretch(), 0, &scene.tracks[0], &scene, Readout::default());
         let effects = able(&scene);
         // What holds a robot straight answers what turns it, and not the turning alone.
         for effect in effects.iter().filter(|e| passive.contains(&e.name()) && e.stage() < Stage::Contact) {
@@ -343,4 +334,52 @@ proptest! {
         run_at(&body(), &shares)?;
         run_at(&sides(), &shares)?;
     }
+}
+
+/// Tangents are what runs near by differ by, under every effect that has them, for the model's parameters and the initial outputs.
+#[test]
+fn tangents_are_what_runs_near_by_differ_by() {
+    let mut with_tangents = 0;
+    for (rig, readout) in [(body(), Readout::Instantaneous), (sides(), Readout::Instantaneous), (body(), Readout::IntervalMean)] {
+        let scene = rig.scene();
+        for effect in able(&scene).iter().filter(|e| !e.starts(&scene).is_empty()) {
+            let values = &effect.starts(&scene)[0].values;
+            let mut simulator = EffectSimulator::new(&*rig.model, &rig.theta, &[&**effect], &scene).unwrap().with_readout(readout);
+            if !simulator.has_tangents() {
+                continue;
+            }
+            with_tangents += 1;
+            simulator.set_substeps(8);
+            simulator.set(&rig.theta, values).unwrap();
+            let moved =
+                |j: usize, by: f64| rig.theta.iter().enumerate().map(|(i, t)| if i == j { t + by } else { *t }).collect::<Vec<f64>>();
+            let by = 1e-4;
+            let directions: Vec<_> = (0..rig.theta.len()).map(|j| (moved(j, by), by)).collect();
+            let mut run = vec![Vec::new(); 2];
+            let tangents = simulator.tangents(0, rig.stretch(), &rig.start, &directions, &mut run).unwrap();
+            simulator.set_following(true);
+            let mut at = |theta: &[f64], start: &[f64]| {
+                simulator.set(theta, values).unwrap();
+                let mut run = vec![Vec::new(); 2];
+                simulator.run(0, rig.stretch(), start, &mut run).unwrap();
+                run.concat()
+            };
+            for (t, tangent) in tangents.iter().enumerate() {
+                let [ahead, behind] = [by, -by].map(|by| match t.checked_sub(rig.theta.len()) {
+                    None => at(&moved(t, by), &rig.start),
+                    Some(output) => {
+                        let mut start = rig.start.clone();
+                        start[output] += by;
+                        at(&rig.theta, &start)
+                    }
+                });
+                let differences: Vec<f64> = ahead.iter().zip(&behind).map(|(a, b)| (a - b) / (2.0 * by)).collect();
+                let size = |values: &[f64]| values.iter().map(|x| x * x).sum::<f64>().sqrt();
+                let off: Vec<f64> = tangent.concat().iter().zip(&differences).map(|(a, b)| a - b).collect();
+                let share = size(&off) / size(&differences);
+                assert!(share < 0.01, "{} {t} {readout:?}: {share}", effect.name());
+            }
+        }
+    }
+    assert!(with_tangents > 40, "{with_tangents}");
 }

@@ -189,16 +189,7 @@ fn a_wheel_off_its_axle_is_driven_unevenly_carries_weight_is_sped_up_and_scrubs(
     let effect = WheelEccentricity { wheel: Some(Wheel::Left), ripple: Ripple::Rolling, oval: false };
     let (a, b, weight, spin_up, scrub, ratio, radius) = (0.03, -0.05, 0.4, 0.04, 1.2, 1.7, 0.093);
     let row = rig.stretch().len() / 2;
-    let at = Instant {
-        time: rig.stretch().time[row],
-        span: 0.0,
-        step: 0.0,
-        row,
-        stretch: rig.stretch(),
-        track: &rig.scene.tracks[0],
-        scene: &rig.scene,
-        readout: Readout::Instantaneous,
-    };
+    let at = Instant::of_sample(rig.stretch(), row, &rig.scene.tracks[0], &rig.scene, Readout::Instantaneous);
     let (v, w) = (0.35, -0.8);
     let loads = |spin_up: f64, scrub: f64| {
         let mut load = [0.0; 2];

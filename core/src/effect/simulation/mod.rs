@@ -14,13 +14,17 @@ mod linear;
 mod pace;
 mod slots;
 mod step;
+mod tangents;
 mod trace;
 
 use linear::Linear;
-use pace::Steps;
+use pace::{Measure, Steps};
 use slots::Slots;
 use step::Body;
+use tangents::Tangents;
 use trace::Trace;
+
+pub use tangents::Direction;
 
 use super::{Effect, Scene};
 use crate::dataset::Stretch;
@@ -57,16 +61,20 @@ pub struct EffectSimulator<'a> {
     most: usize,
     linear: Linear,
     body: Body,
-    /// Numbers of all effects' states, now and at the start of the interval.
+    /// Numbers of all effects' states, now and before the step.
     state: Vec<f64>,
-    saved: Vec<f64>,
+    before: Vec<f64>,
     trace: Trace,
     steps: u64,
     /// Whether a run follows the steps of one before it.
     follows: bool,
     /// Those steps, stretch by stretch, and the stretch that is run.
-    kept: Vec<Steps>,
+    paces: Vec<Steps>,
     stretch: usize,
+    /// How finely it is run.
+    measure: Measure,
+    /// What is carried along beside it, if anything.
+    tangents: Option<Tangents>,
 }
 
 impl<'a> EffectSimulator<'a> {
@@ -91,13 +99,15 @@ impl<'a> EffectSimulator<'a> {
             linear,
             body: Body::new(n, m, scene),
             state: vec![0.0; slots.states],
-            saved: vec![0.0; slots.states],
+            before: vec![0.0; slots.states],
             slots,
             trace: Trace::default(),
             steps: 0,
             follows: false,
-            kept: Vec::new(),
+            paces: Vec::new(),
             stretch: 0,
+            measure: Measure::default(),
+            tangents: None,
         })
     }
 
@@ -150,6 +160,14 @@ impl<'a> EffectSimulator<'a> {
         Ok(())
     }
 
+    /// How finely a run is stepped. What a step of second order misses falls by eight as it is halved.
+    fn measure(&self) -> Measure {
+        let allowed = MISSED * self.tolerance / self.substeps.pow(3) as f64;
+        let allowed = if self.follows { FOLLOWED * allowed } else { allowed };
+        let deepest = (FINEST * self.most / self.substeps).max(1).ilog2();
+        Measure { allowed, deepest, finest: 0.5_f64.powi(deepest as i32) }
+    }
+
     /// Finds how many steps an interval needs, by doubling on windows spread over a data set.
     ///
     /// # Errors
@@ -195,6 +213,31 @@ impl<'a> EffectSimulator<'a> {
     /// [`ModelError::Diverged`] with the time; values up to it are in `simulated`.
     pub fn run(&mut self, s: usize, stretch: &Stretch, initial: &[f64], simulated: &mut [Vec<f64>]) -> Result<(), ModelError> {
         self.run_rows(s, stretch, 0..stretch.len(), initial, simulated)
+    }
+
+    /// Whether [`tangents`](Self::tangents) are to be had: where effects have numbers of their own that hang on the outputs, or change what is
+    /// accelerated or recorded, only runs beside each other tell how they differ.
+    pub fn has_tangents(&self) -> bool {
+        self.slots.plain
+    }
+
+    /// The same with how the outputs change along directions of the model's parameters, and then with each initial output: a vector an output of each.
+    ///
+    /// # Errors
+    /// As [`run`](Self::run).
+    pub fn tangents(
+        &mut self,
+        s: usize,
+        stretch: &Stretch,
+        initial: &[f64],
+        directions: &[Direction],
+        simulated: &mut [Vec<f64>],
+    ) -> Result<Vec<Vec<Vec<f64>>>, ModelError> {
+        self.tangents = Some(Tangents::new(directions.to_vec(), initial.len(), stretch.len()));
+        let run = self.run(s, stretch, initial, simulated);
+        let tangents = self.tangents.take();
+        run?;
+        Ok(tangents.map_or_else(Vec::new, |tangents| tangents.series))
     }
 }
 

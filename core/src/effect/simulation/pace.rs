@@ -2,6 +2,17 @@
 
 use std::ops::Range;
 
+/// How finely a run is stepped.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Measure {
+    /// What a step may miss of an output, relative to its root mean square.
+    pub(super) allowed: f64,
+    /// How often the longest step may be halved.
+    pub(super) deepest: u32,
+    /// The shortest step in terms of the longest, 2^−deepest.
+    pub(super) finest: f64,
+}
+
 /// Where the steps of a stretch end, in parts of its intervals.
 #[derive(Debug, Default)]
 pub(super) struct Steps {

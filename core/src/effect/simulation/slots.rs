@@ -25,8 +25,6 @@ pub(super) struct Slots<'a> {
     bearings: Range<usize>,
     loads: Range<usize>,
     drives: Range<usize>,
-    /// Whether the command that goes on changes only where a piece of an interval begins.
-    pub(super) held: bool,
     /// Whether the command that goes on hangs on the outputs.
     pub(super) looped: bool,
     /// Whether those loops take something else for the outputs.
@@ -35,6 +33,14 @@ pub(super) struct Slots<'a> {
     pub(super) sensed: bool,
     /// Whether a load or a drive effect has numbers that change along the way.
     pub(super) advancing: bool,
+    /// Whether the command that goes on changes within a step, and hangs on no output: the whole step of it is known before any of it is taken.
+    pub(super) ahead: bool,
+    /// Whether the accelerations at the end of a step are those at the start of the next one while the command is the same.
+    pub(super) lasting: bool,
+    /// Whether nothing but the outputs themselves carries on a change of them, so that tangents are all there is to know.
+    pub(super) plain: bool,
+    /// Whether something may set in anywhere within a step without its start and its middle telling.
+    pub(super) abrupt: bool,
     /// Numbers of all states together.
     pub(super) states: usize,
 }
@@ -69,12 +75,17 @@ impl<'a> Slots<'a> {
         let bearings = commands.end..before(&|s| s <= Stage::Bearing);
         let loads = bearings.end..before(&|s| s <= Stage::Load);
         let drives = loads.end..before(&|s| s.place() != Place::Measurement);
+        // What goes on changes only where a piece of an interval begins.
         let held = slots[commands.clone()].iter().all(|s| s.effect.holds());
         let looped = slots.iter().any(|s| s.stage == Stage::Loop);
         let advancing = slots[bearings.start..drives.end].iter().any(|s| !s.states.is_empty());
         let deceived = looped && slots.iter().any(|s| s.effect.deceives());
         let sensed = slots.iter().any(|s| s.senses);
-        Self { slots, commands, bearings, loads, drives, held, looped, deceived, sensed, advancing, states }
+        let ahead = !held && !looped;
+        let abrupt = !drives.is_empty() || advancing;
+        let plain = !(looped || abrupt || sensed);
+        let lasting = held && plain;
+        Self { slots, commands, bearings, loads, drives, looped, deceived, sensed, advancing, ahead, lasting, plain, abrupt, states }
     }
 
     /// Replaces all values, given in the caller's order.
@@ -85,10 +96,10 @@ impl<'a> Slots<'a> {
         }
     }
 
-    /// Whether forces act that may set in within a step without its start and its middle telling.
+    /// Whether forces act that may set in where something comes to rest.
     #[inline(always)]
-    pub(super) fn abrupt(&self) -> bool {
-        self.bears() || self.loads() || self.driven()
+    pub(super) fn rubs(&self) -> bool {
+        self.bears() || self.loads()
     }
 
     pub(super) fn bears(&self) -> bool {

@@ -4,14 +4,17 @@
 //! outputs whose linear part is diagonal, which nearly every robot on two wheels has, are then a handful of instructions a step.
 
 use super::linear::Linear;
-use super::pace::Steps;
+use super::pace::{Measure, Steps};
 use super::slots::Slots;
-use super::{BEND, EffectSimulator, FINEST, FOLLOWED, MISSED, OVERFLOW};
+use super::tangents::Along;
+use super::{BEND, EffectSimulator, OVERFLOW};
 use crate::dataset::Stretch;
-use crate::effect::{Instant, Scene};
+use crate::effect::{Frame, Instant, Scene};
 use crate::model::{ModelError, RegressorModel};
 use crate::simulation::{Readout, row, square_row};
 
+/// Steps that carrying all tangents along one is worth.
+const TANGENTS: u64 = 2;
 /// Share of a step before its end that is the end, but for what switches there.
 const JUST: f64 = 1e-6;
 /// How many times as long as the longest step a piece may be that is one.
@@ -42,7 +45,6 @@ pub(super) struct Body {
 /// What a step changes, as it was before.
 #[derive(Debug)]
 struct Kept {
-    x: Vec<f64>,
     u: Vec<f64>,
     travelled: Vec<f64>,
     trace: usize,
@@ -50,8 +52,9 @@ struct Kept {
 
 /// Inputs on their way to accelerations.
 #[derive(Debug)]
-struct Work {
-    net: Vec<f64>,
+pub(super) struct Work {
+    /// What is left of the command.
+    pub(super) net: Vec<f64>,
     load: Vec<f64>,
     drive: Vec<f64>,
     /// The drive before the drive effects.
@@ -65,7 +68,7 @@ impl Body {
         let (buffer, input) = (|| vec![0.0; outputs], || vec![0.0; inputs]);
         Self {
             x: buffer(),
-            kept: Kept { x: buffer(), u: input(), travelled: buffer(), trace: 0 },
+            kept: Kept { u: input(), travelled: buffer(), trace: 0 },
             known: false,
             mid: buffer(),
             n0: buffer(),
@@ -91,7 +94,7 @@ impl Body {
     #[inline(always)]
     fn lost(&self) -> bool {
         let within = |x: &[f64]| x.iter().fold(true, |all, x| all & (x.abs() < OVERFLOW));
-        !(within(&self.x) & within(&self.mid))
+        !(within(&self.x) & within(&self.mid) & within(&self.next))
     }
 }
 
@@ -106,26 +109,19 @@ impl EffectSimulator<'_> {
         simulated: &mut [Vec<f64>],
     ) -> Result<(), ModelError> {
         let (scene, readout) = (self.scene, self.readout);
-        let first = Instant {
-            time: stretch.time[rows.start],
-            span: 0.0,
-            step: 0.0,
-            row: rows.start,
-            stretch,
-            track: &scene.tracks[s],
-            scene,
-            readout,
-        };
+        let first = Instant::of_sample(stretch, rows.start, &scene.tracks[s], scene, readout);
         for (i, out) in simulated.iter_mut().enumerate() {
             out.clear();
             out.reserve(rows.len());
             out.push(initial[i]);
         }
         self.stretch = s;
+        self.measure = self.measure();
         if !self.follows {
-            self.kept.resize_with(self.kept.len().max(s + 1), Steps::default);
-            self.kept[s].clear();
+            self.paces.resize_with(self.paces.len().max(s + 1), Steps::default);
+            self.paces[s].clear();
         }
+        self.body.known = false;
         self.body.x.copy_from_slice(initial);
         self.trace.truncate(0, 0);
         self.slots.begin(&first, initial, &mut self.state, &mut self.body.u);
@@ -177,6 +173,9 @@ impl EffectSimulator<'_> {
                 self.sense(&at);
             }
             simulated.iter_mut().zip(&self.body.next).for_each(|(out, seen)| out.push(*seen));
+            if let Some(tangents) = &mut self.tangents {
+                tangents.sample((self.readout == Readout::IntervalMean).then(|| time[k] - time[k - 1]));
+            }
         }
         Ok(())
     }
@@ -185,6 +184,18 @@ impl EffectSimulator<'_> {
     fn sense(&mut self, at: &Instant<'_>) {
         let trace = &self.trace;
         self.slots.measure(at, &|time, out| trace.at(time, out), &mut self.state, &mut self.body.next);
+    }
+
+    /// The command that goes on from an instant; the accelerations at the end of the last step are those of the next one only if it is the same.
+    #[inline(always)]
+    fn command(&mut self, at: &Instant<'_>, same: bool) {
+        let Body { x, u, start, known, .. } = &mut self.body;
+        *known &= same && self.slots.lasting;
+        if *known {
+            start.copy_from_slice(u);
+        }
+        self.slots.command(at, x, &mut self.state, u);
+        *known = *known && start == u;
     }
 
     /// Advances over the interval that begins at a sample.
@@ -197,19 +208,18 @@ impl EffectSimulator<'_> {
         let n = self.body.outputs::<N>();
         self.body.travelled[..n].fill(0.0);
         if !self.follows {
-            self.kept[self.stretch].begin(first.row);
+            self.paces[self.stretch].begin(first.row);
         }
         let (mut time, mut parts) = (start, 0);
         while end - time > tolerance {
             let at = Instant { time, ..*first };
-            self.slots.command(&at, &self.body.x, &mut self.state, &mut self.body.u);
+            // What switches by itself may be something else from now on.
+            self.command(&at, time == start);
             let switch = self.slots.next_switch(&at, &self.state, time + tolerance, end);
             let until = if end - switch > tolerance { switch } else { end };
             let whole = time == start && until == end;
-            // Where effects switch often they change fast: short pieces are refined as well when all are.
-            let needed = if until - time <= SAME * longest { 1 } else { ((until - time) / longest + 1.0 - SAME).ceil() as usize };
-            let count = if whole { substeps } else { needed.max(substeps.div_ceil(2)) };
-            parts = self.piece::<N, DIAGONAL>(&at, (until - time) / count as f64, parts, count)?;
+            let (h, count) = if whole { (longest, substeps) } else { cut(until - time, longest, substeps) };
+            parts = self.piece::<N, DIAGONAL>(&at, h, parts, count)?;
             time = until;
         }
         Ok(())
@@ -225,18 +235,14 @@ impl EffectSimulator<'_> {
         from: usize,
         count: usize,
     ) -> Result<usize, ModelError> {
-        let deepest = (FINEST * self.most / self.substeps).max(1).ilog2();
-        let shortest = longest / (1_u64 << deepest) as f64;
-        // What a step of second order misses falls by eight as it is halved.
-        let allowed = MISSED * self.tolerance / self.substeps.pow(3) as f64;
-        let allowed = if self.follows { FOLLOWED * allowed } else { allowed };
+        let Measure { allowed, deepest, finest } = self.measure;
+        let shortest = longest * finest;
         let mut place = 0;
         let mut depth = self.depth(first.row, from, place, deepest);
-        self.body.known = false;
         while place < count << deepest {
-            let at = Instant { time: first.time + place as f64 * shortest, ..*first };
-            let h = longest / (1_u64 << depth) as f64;
-            self.keep::<N>();
+            let at = Instant { time: first.time + f64::from(place as u32) * shortest, ..*first };
+            let h = shortest * f64::from(1_u32 << (deepest - depth));
+            self.keep();
             self.linear.prepare(h);
             self.steps += 1;
             let missed = self.step::<N, DIAGONAL>(&at, h, allowed)?;
@@ -245,62 +251,88 @@ impl EffectSimulator<'_> {
                 depth += 1;
                 continue;
             }
+            if self.tangents.is_some() {
+                self.carry::<DIAGONAL>(&at, h)?;
+            }
+            std::mem::swap(&mut self.body.x, &mut self.body.next);
             std::mem::swap(&mut self.body.n0, &mut self.body.n1);
             place += 1 << (deepest - depth);
             if !self.follows {
-                self.kept[self.stretch].push(from + place);
+                self.paces[self.stretch].push(from + place);
             }
             depth = depth.min(deepest - place.trailing_zeros().min(deepest)).max(self.depth(first.row, from, place, deepest));
         }
         Ok(from + place)
     }
 
+    /// Carries tangents along the step that was just taken.
+    fn carry<const DIAGONAL: bool>(&mut self, at: &Instant<'_>, h: f64) -> Result<(), ModelError> {
+        let Self { model, theta, slots, state, linear, body: b, tangents, .. } = self;
+        let Some(tangents) = tangents else { return Ok(()) };
+        self.steps += TANGENTS;
+        let middle = Instant { time: at.time + 0.5 * h, span: 0.0, step: h, ..*at };
+        let along = Along {
+            at: &middle,
+            outputs: [&b.x, &b.mid, &b.next],
+            u: if slots.ahead { &b.middle } else { &b.u },
+            state,
+            fineness: &b.fineness,
+        };
+        let right = RightSide { model: *model, theta, slots, linear };
+        tangents.carry::<DIAGONAL>(&right, &along, &mut b.work, h)
+    }
+
     /// How often the longest step has to be halved, so that one that begins at a place is no longer than in the run that is followed.
     #[inline(always)]
     fn depth(&self, row: usize, from: usize, place: usize, deepest: u32) -> u32 {
-        let kept = self.kept.get(self.stretch).filter(|_| self.follows);
+        let kept = self.paces.get(self.stretch).filter(|_| self.follows);
         kept.and_then(|steps| steps.end(row, from + place))
             .map_or(0, |end| deepest.saturating_sub((end - from - place).ilog2()).min(deepest))
     }
 
-    /// Keeps what a step changes.
+    /// Keeps what a step changes besides the outputs.
     #[inline(always)]
-    fn keep<const N: usize>(&mut self) {
-        let n = self.body.outputs::<N>();
-        let Body { x, u, travelled, kept, .. } = &mut self.body;
-        let m = if N == 0 { u.len() } else { N };
-        kept.x[..n].copy_from_slice(&x[..n]);
-        kept.u[..m].copy_from_slice(&u[..m]);
-        kept.travelled[..n].copy_from_slice(&travelled[..n]);
+    fn keep(&mut self) {
+        let Body { u, travelled, kept, .. } = &mut self.body;
+        if self.slots.ahead || self.slots.looped {
+            kept.u.copy_from_slice(u);
+        }
+        if self.readout == Readout::IntervalMean {
+            kept.travelled.copy_from_slice(travelled);
+        }
+        if !self.state.is_empty() {
+            self.before.copy_from_slice(&self.state);
+        }
         kept.trace = self.trace.len();
-        self.saved.copy_from_slice(&self.state);
     }
 
     /// Takes it back.
     #[cold]
     fn restore(&mut self) {
         let Body { x, u, travelled, kept, .. } = &mut self.body;
-        x.copy_from_slice(&kept.x);
-        u.copy_from_slice(&kept.u);
-        travelled.copy_from_slice(&kept.travelled);
+        if self.slots.ahead || self.slots.looped {
+            u.copy_from_slice(&kept.u);
+        }
+        if self.readout == Readout::IntervalMean {
+            travelled.copy_from_slice(&kept.travelled);
+        }
         self.trace.truncate(kept.trace, x.len());
-        self.state.copy_from_slice(&self.saved);
+        self.state.copy_from_slice(&self.before);
     }
 
-    /// One step from `at`; returns what it may miss, if that may be more than is allowed.
+    /// One step from `at`, to the next outputs; returns what it may miss, if that may be more than is allowed.
     #[inline(always)]
     fn step<const N: usize, const DIAGONAL: bool>(&mut self, at: &Instant<'_>, h: f64, allowed: f64) -> Result<f64, ModelError> {
         let Self { model, theta, slots, state, linear, body: b, trace, readout, .. } = self;
         let n = b.outputs::<N>();
         let size = if DIAGONAL { n } else { n * n };
         let ([half, half_forcing, full, start, middle], part) = (linear.weights(size), &linear.part[..size]);
-        let (x, mid, next) = (&mut b.x[..n], &mut b.mid[..n], &mut b.next[..n]);
+        let (x, mid, next) = (&b.x[..n], &mut b.mid[..n], &mut b.next[..n]);
         let (n0, nm) = (&mut b.n0[..n], &mut b.nm[..n]);
         let at = &Instant { step: h, ..*at };
         let middle_at = Instant { time: at.time + 0.5 * h, span: 0.5 * h, ..*at };
         let end = Instant { time: at.time + h, span: 0.5 * h, ..*at };
-        let ahead = !slots.held && !slots.looped;
-        if ahead {
+        if slots.ahead {
             // What filters and ramps make of a command hangs on no output, and the whole step of it is known before any of it is taken.
             let m = if N == 0 { b.u.len() } else { N };
             let (starts, middles, u) = (&mut b.start[..m], &mut b.middle[..m], &mut b.u[..m]);
@@ -313,9 +345,8 @@ impl EffectSimulator<'_> {
         }
         let right = RightSide { model: *model, theta, slots, linear };
         // Under a command that is held a step begins as the one before it has ended, or as the longer one has begun that it is a half of.
-        let lasting = !(ahead || slots.looped || slots.driven() || slots.advancing || slots.sensed);
-        if !(lasting && b.known) {
-            right.accelerations::<N>(at, x, if ahead { &b.start } else { &b.u }, state, &mut b.work, n0)?;
+        if !(slots.lasting && b.known) {
+            right.accelerations::<N>(at, x, if slots.ahead { &b.start } else { &b.u }, state, &mut b.work, n0)?;
             if slots.sensed {
                 trace.push(at.time, x, Some(n0));
             }
@@ -329,7 +360,7 @@ impl EffectSimulator<'_> {
         if slots.looped {
             slots.command(&middle_at, mid, state, &mut b.u);
         }
-        let u = if ahead { &b.middle } else { &b.u };
+        let u = if slots.ahead { &b.middle } else { &b.u };
         if slots.advancing {
             slots.advance(&middle_at, &linear.motion(u, mid, &b.work.held), &b.work.given, state);
         }
@@ -344,7 +375,7 @@ impl EffectSimulator<'_> {
             held -= bent * by;
         }
         // Where commands or numbers of effects change within a step, what changes is not the outputs' doing alone.
-        let firm = if ahead || slots.looped || slots.advancing { 0.0 } else { h * held };
+        let firm = if slots.ahead || slots.looped || slots.advancing { 0.0 } else { h * held };
         let share = if firm > moved { implicit(firm / moved, h * bend) } else { 1.0 };
         if share < 1.0 {
             nm.iter_mut().zip(n0.iter()).for_each(|(nm, n0)| *nm = n0 + share * (*nm - n0));
@@ -357,32 +388,43 @@ impl EffectSimulator<'_> {
                 *travelled += h / 6.0 * (x[i] + 4.0 * mid[i] + next[i]);
             }
         }
-        x.copy_from_slice(next);
         if slots.looped {
-            slots.command(&end, x, state, &mut b.u);
+            slots.command(&end, next, state, &mut b.u);
         }
         if slots.advancing {
-            slots.advance(&end, &linear.motion(&b.u, x, &b.work.held), &b.work.given, state);
+            slots.advance(&end, &linear.motion(&b.u, next, &b.work.held), &b.work.given, state);
         }
-        // The middle was reached by what acted at the start: where the right side hangs on the outputs it is another at the true one.
-        let hanging = if moved > 0.0 { 0.25 * h * (bowed / moved).sqrt() * bend } else { 0.0 };
-        if !slots.abrupt() && h * bend <= allowed && h * hanging <= allowed {
+        // The middle was reached by what acted at the start: where the right side hangs on the outputs it is another at the true one, by
+        // hanging = reach √(bowed/moved).
+        let reach = 0.25 * h * bend;
+        let abrupt = slots.abrupt || (slots.rubs() && nears_rest(&at.scene.frame, x, next));
+        if !abrupt && h * bend <= allowed && (h * reach).powi(2) * bowed <= allowed.powi(2) * moved {
             b.known = false;
             return Ok(0.0);
         }
+        let hanging = if moved > 0.0 { reach * (bowed / moved).sqrt() } else { 0.0 };
         // The step is exact for a right side that changes evenly. A third look tells a bend from a slope, and sees what only the second half meets, a wheel
         // that comes to rest: of a parabola a sixth of what the ends differ from twice the middle is missed.
         let n1 = &mut b.n1[..n];
-        right.accelerations::<N>(&end, x, &b.u, state, &mut b.work, n1)?;
+        right.accelerations::<N>(&end, next, &b.u, state, &mut b.work, n1)?;
         let mut curved: f64 = 0.0;
         for i in 0..n {
-            n1[i] -= row::<DIAGONAL>(part, i, x);
+            n1[i] -= row::<DIAGONAL>(part, i, next);
             let looked_at = n0[i] + (nm[i] - n0[i]) / share;
             curved = curved.max((n0[i] - 2.0 * looked_at + n1[i]).abs() * b.fineness[i]);
         }
         b.known = true;
         Ok(h * (curved / 6.0).max(hanging))
     }
+}
+
+/// The longest step of a part of an interval, and how many of them there are.
+#[inline(always)]
+fn cut(part: f64, longest: f64, substeps: usize) -> (f64, usize) {
+    let needed = if part <= SAME * longest { 1 } else { (part / longest + 1.0 - SAME).ceil() as usize };
+    // Where effects switch often they change fast: short pieces are refined as well when all are.
+    let count = needed.max(substeps.div_ceil(2));
+    (part / count as f64, count)
 }
 
 /// Puts the line through a step's start and its middle in the place of a command's values there, that which is the nearest to the parabola through them
@@ -396,6 +438,20 @@ fn straighten(starts: &mut [f64], middles: &mut [f64], last: &[f64]) {
     }
 }
 
+/// Whether a speed, of the robot or of a wheel, changes by more than is left of it at either end of a step.
+#[inline(always)]
+fn nears_rest(frame: &Frame, from: &[f64], to: &[f64]) -> bool {
+    let near = |from: f64, to: f64| from.abs().min(to.abs()) <= (to - from).abs();
+    let wheels = match (from, to) {
+        (&[.., _, _], &[.., _, _]) if frame.has_wheels() => {
+            let (from, to) = (frame.wheels(from), frame.wheels(to));
+            near(from[0], to[0]) | near(from[1], to[1])
+        }
+        _ => false,
+    };
+    from.iter().zip(to).fold(wheels, |any, (from, to)| any | near(*from, *to))
+}
+
 /// The share of a change of the right side within a step that counts where a force holds the outputs more firmly than the step is long, with z > 1 its
 /// slope times the step. It would be overshot, to and fro over the kink of a friction, by no more than that is wide: x' = x + h N/(1 + z), as the
 /// implicit rule has it, never does. What changes more than a little is looked at more closely instead, by a rule of second order.
@@ -406,16 +462,35 @@ fn implicit(z: f64, bend: f64) -> f64 {
 }
 
 /// The accelerations of a model with loads and drive effects.
-struct RightSide<'s, 'a> {
-    model: &'s dyn RegressorModel,
-    theta: &'s [f64],
-    slots: &'s Slots<'a>,
-    linear: &'s Linear,
+pub(super) struct RightSide<'s, 'a> {
+    pub(super) model: &'s dyn RegressorModel,
+    pub(super) theta: &'s [f64],
+    pub(super) slots: &'s Slots<'a>,
+    pub(super) linear: &'s Linear,
 }
 
 impl RightSide<'_, '_> {
+    /// What the loads leave of a command, as `work.net`.
     #[inline(always)]
-    fn accelerations<const N: usize>(
+    pub(super) fn left<const N: usize>(&self, at: &Instant<'_>, x: &[f64], u: &[f64], state: &[f64], work: &mut Work) {
+        let m = if N == 0 { u.len() } else { N };
+        let (net, load) = (&mut work.net[..m], &mut work.load[..m]);
+        net.copy_from_slice(&u[..m]);
+        if self.slots.bears() {
+            self.slots.bear(at, x, state, load);
+            net.iter_mut().zip(load.iter()).for_each(|(n, l)| *n -= l);
+        }
+        if self.slots.driven() {
+            work.held[..m].copy_from_slice(net);
+        }
+        if self.slots.loads() {
+            self.slots.load(at, x, state, load);
+            net.iter_mut().zip(load.iter()).for_each(|(n, l)| *n -= l);
+        }
+    }
+
+    #[inline(always)]
+    pub(super) fn accelerations<const N: usize>(
         &self,
         at: &Instant<'_>,
         x: &[f64],
@@ -424,24 +499,16 @@ impl RightSide<'_, '_> {
         work: &mut Work,
         out: &mut [f64],
     ) -> Result<(), ModelError> {
-        let Work { net, load, drive, given, held } = work;
         let m = if N == 0 { u.len() } else { N };
-        let (net, load) = (&mut net[..m], &mut load[..m]);
-        net.copy_from_slice(&u[..m]);
-        if self.slots.bears() {
-            self.slots.bear(at, x, state, load);
-            net.iter_mut().zip(load.iter()).for_each(|(n, l)| *n -= l);
+        if self.slots.rubs() || self.slots.driven() {
+            self.left::<N>(at, x, u, state, work);
+            self.model.accelerations(self.theta, &work.net[..m], x, out)?;
+        } else {
+            self.model.accelerations(self.theta, &u[..m], x, out)?;
         }
-        if self.slots.driven() {
-            held[..m].copy_from_slice(net);
-        }
-        if self.slots.loads() {
-            self.slots.load(at, x, state, load);
-            net.iter_mut().zip(load.iter()).for_each(|(n, l)| *n -= l);
-        }
-        self.model.accelerations(self.theta, net, x, out)?;
         if self.slots.driven() {
             let Linear { inertia, mobility, drag, .. } = self.linear;
+            let Work { drive, given, held, .. } = work;
             let (given, drive) = (&mut given[..m], &mut drive[..m]);
             for (i, given) in given.iter_mut().enumerate() {
                 *given = square_row(inertia, i, out);

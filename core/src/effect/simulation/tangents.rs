@@ -1,0 +1,158 @@
+//! How a run changes with the model's parameters and its initial outputs, carried along beside it.
+//!
+//! δx' = ∂F/∂x δx + ∂F/∂θ δθ has the run's own linear part stepped exactly, and the rest by
+//!
+//! δx⁺ = e^{hL} δx + h φ1(hL) (S ((1 − w) δx + w δx⁺) + ∂F/∂θ δθ).
+//!
+//! S is what is left of ∂F/∂x, as secants over what the step moves: a kink that is crossed within it counts by its jump over the time that this
+//! takes, as it does for the motion (the saltation of Filippov's theory; di Bernardo and others, Piecewise-smooth Dynamical Systems, 2008, section 2.5).
+//! The rule is that of the midpoint, w = 1/2, unless forces hold the outputs so firmly that the step is longer than they take: then it leaves none
+//! of a difference that they take away, as w = 1 − 1/z does with z the size of hS.
+
+use nalgebra::DMatrix;
+
+use super::step::{RightSide, Work};
+use crate::effect::Instant;
+use crate::model::ModelError;
+use crate::simulation::{row, square_row};
+
+/// Half of the least distance over which a secant is taken, in terms of the outputs' root mean square.
+const NEAR: f64 = 1e-5;
+
+/// A direction of parameter space: parameters some way along it, and how far.
+pub type Direction = (Vec<f64>, f64);
+
+/// What the outputs of a run change by, along each direction and with each initial output.
+#[derive(Debug)]
+pub(super) struct Tangents {
+    directions: Vec<Direction>,
+    outputs: usize,
+    /// Changes of the outputs now, one tangent after the other, and of the way since the last sample.
+    now: Vec<f64>,
+    travelled: Vec<f64>,
+    /// Those at the samples: one vector an output of each tangent.
+    pub(super) series: Vec<Vec<Vec<f64>>>,
+    slopes: Vec<f64>,
+    /// What brings the sums of a step to its end.
+    system: DMatrix<f64>,
+    point: Vec<f64>,
+    ahead: Vec<f64>,
+    behind: Vec<f64>,
+    pushed: Vec<f64>,
+}
+
+/// The step along which tangents are carried.
+pub(super) struct Along<'s> {
+    /// Its middle.
+    pub(super) at: &'s Instant<'s>,
+    /// Outputs at its start, in its middle and at its end.
+    pub(super) outputs: [&'s [f64]; 3],
+    /// The command in its middle.
+    pub(super) u: &'s [f64],
+    pub(super) state: &'s [f64],
+    /// One over the root mean square of each output.
+    pub(super) fineness: &'s [f64],
+}
+
+impl Tangents {
+    pub(super) fn new(directions: Vec<Direction>, outputs: usize, rows: usize) -> Self {
+        let count = directions.len() + outputs;
+        let mut now = vec![0.0; count * outputs];
+        (0..outputs).for_each(|i| now[(directions.len() + i) * outputs + i] = 1.0);
+        let first = |t: usize| (0..outputs).map(|i| Self::begun(rows, now[t * outputs + i])).collect();
+        Self {
+            series: (0..count).map(first).collect(),
+            travelled: vec![0.0; now.len()],
+            now,
+            directions,
+            outputs,
+            slopes: vec![0.0; outputs * outputs],
+            system: DMatrix::zeros(outputs, outputs),
+            point: vec![0.0; outputs],
+            ahead: vec![0.0; outputs],
+            behind: vec![0.0; outputs],
+            pushed: vec![0.0; outputs],
+        }
+    }
+
+    fn begun(rows: usize, first: f64) -> Vec<f64> {
+        let mut series = Vec::with_capacity(rows);
+        series.push(first);
+        series
+    }
+
+    /// Records a sample; `over` is the time since the last one where means over it are read.
+    pub(super) fn sample(&mut self, over: Option<f64>) {
+        let seen = if over.is_some() { &self.travelled } else { &self.now };
+        let scale = over.map_or(1.0, |interval| 1.0 / interval);
+        self.series.iter_mut().flatten().zip(seen).for_each(|(series, value)| series.push(scale * value));
+        self.travelled.fill(0.0);
+    }
+
+    /// Carries them along a step.
+    pub(super) fn carry<const DIAGONAL: bool>(
+        &mut self,
+        right: &RightSide<'_, '_>,
+        along: &Along<'_>,
+        work: &mut Work,
+        h: f64,
+    ) -> Result<(), ModelError> {
+        self.secants::<DIAGONAL>(right, along, work)?;
+        let n = self.outputs;
+        let size = if DIAGONAL { n } else { n * n };
+        let [_, _, full, start, middle] = right.linear.weights(size);
+        let held = h * self.firmness(along.fineness);
+        let w = (1.0 - 1.0 / held).max(0.5);
+        let forced = |values: &[f64], i: usize| row::<DIAGONAL>(start, i, values) + row::<DIAGONAL>(middle, i, values);
+        for k in 0..n {
+            (0..n).for_each(|i| self.point[i] = self.slopes[i * n + k]);
+            (0..n).for_each(|i| self.system[(i, k)] = f64::from(u8::from(i == k)) - w * forced(&self.point, i));
+        }
+        if !self.system.try_inverse_mut() {
+            return Err(ModelError::Singular { model: right.model.name().to_owned() });
+        }
+        right.left::<0>(along.at, along.outputs[1], along.u, along.state, work);
+        right.model.accelerations(right.theta, &work.net, along.outputs[1], &mut self.behind)?;
+        for (t, now) in self.now.chunks_exact_mut(n).enumerate() {
+            match self.directions.get(t) {
+                Some((theta, by)) => {
+                    right.model.accelerations(theta, &work.net, along.outputs[1], &mut self.ahead)?;
+                    (0..n).for_each(|i| self.pushed[i] = (self.ahead[i] - self.behind[i]) / by);
+                }
+                None => self.pushed.fill(0.0),
+            }
+            (0..n).for_each(|i| self.pushed[i] += (1.0 - w) * square_row(&self.slopes, i, now));
+            (0..n).for_each(|i| self.point[i] = row::<DIAGONAL>(full, i, now) + forced(&self.pushed, i));
+            for i in 0..n {
+                let end: f64 = (0..n).map(|k| self.system[(i, k)] * self.point[k]).sum();
+                self.travelled[t * n + i] += 0.5 * h * (now[i] + end);
+                self.pushed[i] = end;
+            }
+            now.copy_from_slice(&self.pushed);
+        }
+        Ok(())
+    }
+
+    /// What is not the linear part's of how the accelerations change with the outputs, over what the step moves.
+    fn secants<const DIAGONAL: bool>(&mut self, right: &RightSide<'_, '_>, along: &Along<'_>, work: &mut Work) -> Result<(), ModelError> {
+        let (n, [from, mid, to]) = (self.outputs, along.outputs);
+        for k in 0..n {
+            let half = (0.5 * (to[k] - from[k]).abs()).max(NEAR / along.fineness[k]);
+            for (sign, out) in [(1.0, &mut self.ahead), (-1.0, &mut self.behind)] {
+                self.point.copy_from_slice(mid);
+                self.point[k] += sign * half;
+                right.accelerations::<0>(along.at, &self.point, along.u, along.state, work, out)?;
+                (0..n).for_each(|i| out[i] -= row::<DIAGONAL>(&right.linear.part, i, &self.point));
+            }
+            (0..n).for_each(|i| self.slopes[i * n + k] = (self.ahead[i] - self.behind[i]) / (2.0 * half));
+        }
+        Ok(())
+    }
+
+    /// The largest rate at which they take differences away, each output in terms of its root mean square.
+    fn firmness(&self, fineness: &[f64]) -> f64 {
+        let n = self.outputs;
+        let of = |i: usize| (0..n).map(|k| (self.slopes[i * n + k] * fineness[i] / fineness[k]).abs()).sum::<f64>();
+        (0..n).map(of).fold(0.0, f64::max)
+    }
+}
