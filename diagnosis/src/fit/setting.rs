@@ -193,6 +193,8 @@ pub(crate) struct Runner<'s, 'a> {
     simulator: EffectSimulator<'s>,
     /// Parameters of all effects in order.
     pub(crate) parameters: Vec<EffectParameter>,
+    /// Unknowns of which tangents tell: what is carried along a run costs less than one beside it, and knows no kink that is met in another step.
+    carried: Vec<usize>,
     /// The model and its effects.
     parts: u64,
     buffer: Vec<Vec<f64>>,
@@ -204,7 +206,7 @@ pub(crate) struct Runner<'s, 'a> {
 struct Last {
     point: Point,
     run: Vec<f64>,
-    /// How it changes with each free parameter of the base, and then with the initial value of each output; none where nobody has asked.
+    /// How it changes with each unknown that is carried, and then with the initial value of each output; none where nobody has asked.
     tangents: Vec<Vec<f64>>,
 }
 
@@ -247,9 +249,16 @@ impl<'s, 'a> Runner<'s, 'a> {
         let theta = setting.map.theta(&at.x[..setting.free()]);
         let mut simulator = EffectSimulator::new(setting.model, &theta, effects, setting.scene)?.with_readout(setting.readout);
         simulator.set(&theta, &at.x[setting.free()..])?;
-        let parameters = effects.iter().flat_map(|e| e.parameters(setting.scene)).collect();
+        let parameters: Vec<EffectParameter> = effects.iter().flat_map(|e| e.parameters(setting.scene)).collect();
+        let free = setting.free();
+        let carries = |j: &usize| match j.checked_sub(free) {
+            None => simulator.has_tangents(),
+            Some(value) => setting.data.stretches.first().is_some_and(|stretch| simulator.has_tangent(value, stretch)),
+        };
+        let carried = (0..free + parameters.len()).filter(carries).collect();
         let parts = 1 + effects.iter().map(|e| e.effort()).sum::<u64>();
-        Ok(Self { setting, simulator, parameters, parts, buffer: vec![Vec::new(); setting.layout.outputs()], last: None })
+        let buffer = vec![Vec::new(); setting.layout.outputs()];
+        Ok(Self { setting, simulator, parameters, carried, parts, buffer, last: None })
     }
 
     /// First sample of each output of a stretch.
@@ -284,8 +293,13 @@ impl<'s, 'a> Runner<'s, 'a> {
     fn counted(&mut self, x: &[f64], starts: &[Vec<f64>], out: &mut [f64]) -> bool {
         let before = self.simulator.steps();
         let whole = self.all(x, starts, out);
-        self.setting.work.set(self.setting.work.get() + self.parts * (self.simulator.steps() - before));
+        self.count(before);
         whole
+    }
+
+    /// Adds to the work what steps have been taken since.
+    fn count(&self, before: u64) {
+        self.setting.work.set(self.setting.work.get() + self.parts * (self.simulator.steps() - before));
     }
 
     fn all(&mut self, x: &[f64], starts: &[Vec<f64>], out: &mut [f64]) -> bool {
@@ -323,28 +337,25 @@ impl<'s, 'a> Runner<'s, 'a> {
 
     /// How the free run changes with each of some unknowns; nothing where it cannot be evaluated.
     pub(crate) fn columns(&mut self, point: &Point, unknowns: Range<usize>) -> Vec<Vec<f64>> {
-        let base = unknowns.start..unknowns.end.min(self.setting.free());
-        let known = if base.is_empty() { None } else { self.tangents(point, base) };
-        let own = unknowns.start + known.as_ref().map_or(0, Vec::len)..unknowns.end;
-        let beside = self.beside(point, own, |runner, j, base| {
+        let places: Vec<Option<usize>> = unknowns.clone().map(|j| self.carried.iter().position(|c| *c == j)).collect();
+        let carried = places.iter().any(Option::is_some) && self.carry(point);
+        let tangent = |place: &Option<usize>| self.last.as_ref().filter(|_| carried)?.tangents.get((*place)?).cloned();
+        let known: Vec<Option<Vec<f64>>> = places.iter().map(tangent).collect();
+        let others = unknowns.zip(&known).filter(|(_, known)| known.is_none()).map(|(j, _)| j).collect();
+        let mut beside = self.beside(point, others, |runner, j, base| {
             let step = runner.step(&point.x, j);
-            let to = |step: f64| {
-                let mut x = point.x.clone();
-                x[j] += step;
-                (step, Point { x, starts: point.starts.clone() })
-            };
-            [step, -step].map(to).iter().find_map(|(step, there)| runner.change(there, base, *step))
+            [step, -step].iter().find_map(|step| runner.change(&moved(point, j, *step), base, *step))
         });
-        known.into_iter().flatten().chain(beside).collect()
+        known.into_iter().map(|known| known.unwrap_or_else(|| beside.remove(0))).collect()
     }
 
     /// How it changes with the initial value of each output, at all stretches.
     pub(crate) fn start_columns(&mut self, point: &Point) -> Vec<Vec<f64>> {
-        let (free, outputs) = (self.setting.free(), self.setting.layout.outputs());
-        if let Some(known) = self.tangents(point, free..free + outputs) {
-            return known;
+        if self.simulator.has_tangents() && self.carry(point) {
+            let tangents = self.last.iter().flat_map(|last| &last.tangents[self.carried.len()..]);
+            return tangents.cloned().collect();
         }
-        self.beside(point, 0..outputs, |runner, output, base| {
+        self.beside(point, (0..self.setting.layout.outputs()).collect(), |runner, output, base| {
             let step = 1e-2 * runner.setting.scene.scales.outputs[output];
             let mut there = point.clone();
             there.starts.iter_mut().for_each(|start| start[output] += step);
@@ -352,51 +363,44 @@ impl<'s, 'a> Runner<'s, 'a> {
         })
     }
 
-    /// Some of the tangents of a point's run, where there are such.
-    fn tangents(&mut self, point: &Point, which: Range<usize>) -> Option<Vec<Vec<f64>>> {
-        if !self.simulator.has_tangents() {
-            return None;
+    /// Has the tangents of a point's run at hand; false where it cannot be evaluated.
+    fn carry(&mut self, point: &Point) -> bool {
+        if self.last.as_ref().is_some_and(|last| last.point == *point && !last.tangents.is_empty()) {
+            return true;
         }
-        if self.last.as_ref().is_none_or(|last| last.point != *point || last.tangents.is_empty()) {
-            self.carried(point);
-        }
-        self.last.as_ref().and_then(|last| last.tangents.get(which)).map(<[_]>::to_vec)
+        let before = self.simulator.steps();
+        self.last = self.with_tangents(point);
+        self.count(before);
+        self.last.is_some()
     }
 
-    /// Makes the run of a point with its tangents.
-    fn carried(&mut self, point: &Point) -> Option<()> {
-        self.last = None;
-        self.simulator.set_following(false);
-        let (setting, before) = (self.setting, self.simulator.steps());
+    fn direction(&self, point: &Point, unknown: usize) -> Direction {
+        let by = self.step(&point.x, unknown);
+        let (x, free) = (moved(point, unknown, by).x, self.setting.free());
+        Direction { theta: self.setting.map.theta(&x[..free]), values: x[free..].to_vec(), by }
+    }
+
+    fn with_tangents(&mut self, point: &Point) -> Option<Last> {
+        let directions: Vec<Direction> = self.carried.iter().map(|j| self.direction(point, *j)).collect();
+        let Self { setting, simulator, buffer, .. } = self;
         let free = setting.free();
-        let theta = |z: &[f64]| setting.map.theta(z);
-        let direction = |j: usize| {
-            let mut z = point.x[..free].to_vec();
-            z[j] += setting.steps[j];
-            (theta(&z), setting.steps[j])
-        };
-        let directions: Vec<Direction> = (0..free).map(direction).collect();
-        self.simulator.set(&theta(&point.x[..free]), &point.x[free..]).ok()?;
+        simulator.set_following(false);
+        simulator.set(&setting.map.theta(&point.x[..free]), &point.x[free..]).ok()?;
         let mut run = vec![0.0; setting.layout.len()];
-        let mut tangents = vec![run.clone(); free + setting.layout.outputs()];
+        let mut tangents = vec![run.clone(); directions.len() + setting.layout.outputs()];
         for (s, stretch) in setting.data.stretches.iter().enumerate() {
-            let carried = self.simulator.tangents(s, stretch, &point.starts[s], &directions, &mut self.buffer).ok()?;
-            let runs = std::iter::once(&self.buffer).chain(&carried);
-            for (out, series) in std::iter::once(&mut run).chain(&mut tangents).zip(runs) {
+            let carried = simulator.tangents(s, stretch, &point.starts[s], &directions, buffer).ok()?;
+            let all = std::iter::once(&*buffer).chain(&carried);
+            for (out, series) in std::iter::once(&mut run).chain(&mut tangents).zip(all) {
                 series.iter().enumerate().for_each(|(c, series)| out[setting.layout.part(c, s)].copy_from_slice(series));
             }
         }
-        setting.work.set(setting.work.get() + self.parts * (self.simulator.steps() - before));
         let finite = |values: &Vec<f64>| values.iter().all(|x| x.is_finite());
-        if !finite(&run) || !tangents.iter().all(finite) {
-            return None;
-        }
-        self.last = Some(Last { point: point.clone(), run, tangents });
-        Some(())
+        (finite(&run) && tangents.iter().all(finite)).then(|| Last { point: point.clone(), run, tangents })
     }
 
     /// What runs beside that of a point find, nothing where there are none.
-    fn beside(&mut self, point: &Point, all: Range<usize>, find: impl Fn(&mut Self, usize, &[f64]) -> Option<Vec<f64>>) -> Vec<Vec<f64>> {
+    fn beside(&mut self, point: &Point, all: Vec<usize>, find: impl Fn(&mut Self, usize, &[f64]) -> Option<Vec<f64>>) -> Vec<Vec<f64>> {
         if all.is_empty() {
             return Vec::new();
         }
@@ -406,7 +410,7 @@ impl<'s, 'a> Runner<'s, 'a> {
         }
         let Some(last) = self.last.take() else { return vec![nothing; all.len()] };
         self.simulator.set_following(true);
-        let found = all.map(|i| find(self, i, &last.run).unwrap_or_else(|| nothing.clone())).collect();
+        let found = all.into_iter().map(|i| find(self, i, &last.run).unwrap_or_else(|| nothing.clone())).collect();
         self.last = Some(last);
         found
     }
@@ -418,4 +422,11 @@ impl<'s, 'a> Runner<'s, 'a> {
         column.iter_mut().zip(base).for_each(|(c, b)| *c = (*c - b) / step);
         whole.then_some(column)
     }
+}
+
+/// A point with one unknown elsewhere.
+fn moved(point: &Point, unknown: usize, by: f64) -> Point {
+    let mut there = point.clone();
+    there.x[unknown] += by;
+    there
 }

@@ -4,7 +4,9 @@ use std::collections::BTreeSet;
 
 use crate::rig::{HALF_TRACK, Rig, body, sides};
 use proptest::prelude::*;
-use wheelwright_core::effect::{Effect, EffectParameter, EffectSimulator, Estimate, Instant, Motion, Place, Scene, Stage, Start};
+use wheelwright_core::effect::{
+    Direction, Effect, EffectParameter, EffectSimulator, Estimate, Instant, Motion, Place, Scene, Stage, Start,
+};
 use wheelwright_core::model::ModelError;
 use wheelwright_core::simulation::Readout;
 use wheelwright_diagnosis::effects::{
@@ -336,50 +338,52 @@ proptest! {
     }
 }
 
-/// Tangents are what runs near by differ by, under every effect that has them, for the model's parameters and the initial outputs.
+/// Tangents are what runs near by differ by, under every effect that has them, for the model's parameters, those of forces, and the initial outputs.
 #[test]
 fn tangents_are_what_runs_near_by_differ_by() {
-    let mut with_tangents = 0;
+    const BY: f64 = 1e-4;
+    let (mut effects, mut forces) = (0, 0);
     for (rig, readout) in [(body(), Readout::Instantaneous), (sides(), Readout::Instantaneous), (body(), Readout::IntervalMean)] {
         let scene = rig.scene();
         for effect in able(&scene).iter().filter(|e| !e.starts(&scene).is_empty()) {
-            let values = &effect.starts(&scene)[0].values;
             let mut simulator = EffectSimulator::new(&*rig.model, &rig.theta, &[&**effect], &scene).unwrap().with_readout(readout);
             if !simulator.has_tangents() {
                 continue;
             }
-            with_tangents += 1;
             simulator.set_substeps(8);
-            simulator.set(&rig.theta, values).unwrap();
-            let moved =
-                |j: usize, by: f64| rig.theta.iter().enumerate().map(|(i, t)| if i == j { t + by } else { *t }).collect::<Vec<f64>>();
-            let by = 1e-4;
-            let directions: Vec<_> = (0..rig.theta.len()).map(|j| (moved(j, by), by)).collect();
+            let (parameters, all) = (rig.theta.len(), [&rig.theta[..], &effect.starts(&scene)[0].values, &rig.start].concat());
+            let values = parameters..all.len() - 2;
+            let carried: Vec<usize> =
+                (0..values.end).filter(|j| *j < parameters || simulator.has_tangent(j - parameters, rig.stretch())).collect();
+            (effects, forces) = (effects + 1, forces + carried.len() - parameters);
+            let moved = |j: usize, by: f64| {
+                let mut there = all.clone();
+                there[j] += by;
+                there
+            };
+            let along = |j: &usize| {
+                let there = moved(*j, BY);
+                Direction { theta: there[..parameters].to_vec(), values: there[values.clone()].to_vec(), by: BY }
+            };
+            let directions: Vec<Direction> = carried.iter().map(along).collect();
             let mut run = vec![Vec::new(); 2];
+            simulator.set(&rig.theta, &all[values.clone()]).unwrap();
             let tangents = simulator.tangents(0, rig.stretch(), &rig.start, &directions, &mut run).unwrap();
             simulator.set_following(true);
-            let mut at = |theta: &[f64], start: &[f64]| {
-                simulator.set(theta, values).unwrap();
-                let mut run = vec![Vec::new(); 2];
-                simulator.run(0, rig.stretch(), start, &mut run).unwrap();
+            let mut at = |there: &[f64]| {
+                simulator.set(&there[..parameters], &there[values.clone()]).unwrap();
+                simulator.run(0, rig.stretch(), &there[values.end..], &mut run).unwrap();
                 run.concat()
             };
-            for (t, tangent) in tangents.iter().enumerate() {
-                let [ahead, behind] = [by, -by].map(|by| match t.checked_sub(rig.theta.len()) {
-                    None => at(&moved(t, by), &rig.start),
-                    Some(output) => {
-                        let mut start = rig.start.clone();
-                        start[output] += by;
-                        at(&rig.theta, &start)
-                    }
-                });
-                let differences: Vec<f64> = ahead.iter().zip(&behind).map(|(a, b)| (a - b) / (2.0 * by)).collect();
-                let size = |values: &[f64]| values.iter().map(|x| x * x).sum::<f64>().sqrt();
-                let off: Vec<f64> = tangent.concat().iter().zip(&differences).map(|(a, b)| a - b).collect();
-                let share = size(&off) / size(&differences);
-                assert!(share < 0.01, "{} {t} {readout:?}: {share}", effect.name());
+            let here = at(&all);
+            for (tangent, j) in tangents.iter().zip(carried.iter().copied().chain(values.end..all.len())) {
+                let ahead = at(&moved(j, BY));
+                let size = |of: &dyn Fn(usize) -> f64| (0..ahead.len()).map(|k| of(k).powi(2)).sum::<f64>().sqrt();
+                let (tangent, difference) = (tangent.concat(), |k: usize| (ahead[k] - here[k]) / BY);
+                let off = size(&|k| tangent[k] - difference(k));
+                assert!(off <= 0.02 * size(&difference), "{} {j} {readout:?}: {off} of {}", effect.name(), size(&difference));
             }
         }
     }
-    assert!(with_tangents > 40, "{with_tangents}");
+    assert!(effects > 40 && forces > 40, "{effects} {forces}");
 }

@@ -26,7 +26,7 @@ use trace::Trace;
 
 pub use tangents::Direction;
 
-use super::{Effect, Scene};
+use super::{Effect, Instant, Scene};
 use crate::dataset::Stretch;
 use crate::model::{ModelError, RegressorModel};
 use crate::simulation::Readout;
@@ -74,7 +74,7 @@ pub struct EffectSimulator<'a> {
     /// How finely it is run.
     measure: Measure,
     /// What is carried along beside it, if anything.
-    tangents: Option<Tangents>,
+    tangents: Option<Tangents<'a>>,
 }
 
 impl<'a> EffectSimulator<'a> {
@@ -221,10 +221,16 @@ impl<'a> EffectSimulator<'a> {
         self.slots.plain
     }
 
-    /// The same with how the outputs change along directions of the model's parameters, and then with each initial output: a vector an output of each.
+    /// Whether they are along one of the effects' values: that of a force which acts throughout a stretch.
+    pub fn has_tangent(&self, value: usize, stretch: &Stretch) -> bool {
+        let at = |track| Instant::of_sample(stretch, 0, track, self.scene, self.readout);
+        self.slots.plain && self.scene.tracks.first().is_some_and(|track| self.slots.of_force(value, &at(track)))
+    }
+
+    /// A [`run`](Self::run) with how its outputs change along directions, and then with each initial output: a vector an output of each.
     ///
     /// # Errors
-    /// As [`run`](Self::run).
+    /// As there.
     pub fn tangents(
         &mut self,
         s: usize,
@@ -233,7 +239,7 @@ impl<'a> EffectSimulator<'a> {
         directions: &[Direction],
         simulated: &mut [Vec<f64>],
     ) -> Result<Vec<Vec<Vec<f64>>>, ModelError> {
-        self.tangents = Some(Tangents::new(directions.to_vec(), initial.len(), stretch.len()));
+        self.tangents = Some(Tangents::new(directions, &self.slots, initial.len(), stretch.len()));
         let run = self.run(s, stretch, initial, simulated);
         let tangents = self.tangents.take();
         run?;

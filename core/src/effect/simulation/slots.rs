@@ -5,7 +5,7 @@ use std::ops::Range;
 use crate::effect::{Effect, EffectParameter, Instant, Motion, Place, Scene, Stage};
 
 /// An effect with its parameters and where its numbers are.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub(super) struct Slot<'a> {
     effect: &'a dyn Effect,
     /// First of its values in the caller's order.
@@ -17,7 +17,7 @@ pub(super) struct Slot<'a> {
 }
 
 /// All effects, by hook.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub(super) struct Slots<'a> {
     slots: Vec<Slot<'a>>,
     /// Where in the order the effects of each hook are.
@@ -94,6 +94,26 @@ impl<'a> Slots<'a> {
             let n = slot.values.len();
             slot.values.copy_from_slice(&values[slot.first..slot.first + n]);
         }
+    }
+
+    /// The same with other values; none where they are the same.
+    pub(super) fn moved(&self, values: &[f64]) -> Option<Self> {
+        let same = |slot: &Slot<'_>| slot.values == values[slot.first..slot.first + slot.values.len()];
+        (!self.slots.iter().all(same)).then(|| {
+            let mut moved = self.clone();
+            moved.set(values);
+            moved
+        })
+    }
+
+    /// Whether one of the values, in the caller's order, is that of a force that does not set in at a time of its own.
+    pub(super) fn of_force(&self, value: usize, at: &Instant<'_>) -> bool {
+        let forces = &self.slots[self.bearings.start..self.loads.end];
+        let own = |slot: &&Slot<'_>| (slot.first..slot.first + slot.values.len()).contains(&value);
+        forces
+            .iter()
+            .find(own)
+            .is_some_and(|slot| slot.states.is_empty() && slot.effect.next_switch(&slot.values, at, &[]) == f64::INFINITY)
     }
 
     /// Whether forces act that may set in where something comes to rest.

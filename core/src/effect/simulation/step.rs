@@ -13,8 +13,6 @@ use crate::effect::{Frame, Instant, Scene};
 use crate::model::{ModelError, RegressorModel};
 use crate::simulation::{Readout, row, square_row};
 
-/// Steps that carrying all tangents along one is worth.
-const TANGENTS: u64 = 2;
 /// Share of a step before its end that is the end, but for what switches there.
 const JUST: f64 = 1e-6;
 /// How many times as long as the longest step a piece may be that is one.
@@ -269,7 +267,7 @@ impl EffectSimulator<'_> {
     fn carry<const DIAGONAL: bool>(&mut self, at: &Instant<'_>, h: f64) -> Result<(), ModelError> {
         let Self { model, theta, slots, state, linear, body: b, tangents, .. } = self;
         let Some(tangents) = tangents else { return Ok(()) };
-        self.steps += TANGENTS;
+        self.steps += tangents.effort();
         let middle = Instant { time: at.time + 0.5 * h, span: 0.0, step: h, ..*at };
         let along = Along {
             at: &middle,

@@ -1,8 +1,8 @@
-//! How a run changes with the model's parameters and its initial outputs, carried along beside it.
+//! How a run changes with parameters and its initial outputs, carried along beside it.
 //!
-//! δx' = ∂F/∂x δx + ∂F/∂θ δθ has the run's own linear part stepped exactly, and the rest by
+//! δx' = ∂F/∂x δx + ∂F/∂p δp has the run's own linear part stepped exactly, and the rest by
 //!
-//! δx⁺ = e^{hL} δx + h φ1(hL) (S ((1 − w) δx + w δx⁺) + ∂F/∂θ δθ).
+//! δx⁺ = e^{hL} δx + h φ1(hL) (S ((1 − w) δx + w δx⁺) + ∂F/∂p δp).
 //!
 //! S is what is left of ∂F/∂x, as secants over what the step moves: a kink that is crossed within it counts by its jump over the time that this
 //! takes, as it does for the motion (the saltation of Filippov's theory; di Bernardo and others, Piecewise-smooth Dynamical Systems, 2008, section 2.5).
@@ -11,6 +11,7 @@
 
 use nalgebra::DMatrix;
 
+use super::slots::Slots;
 use super::step::{RightSide, Work};
 use crate::effect::Instant;
 use crate::model::ModelError;
@@ -19,13 +20,26 @@ use crate::simulation::{row, square_row};
 /// Half of the least distance over which a secant is taken, in terms of the outputs' root mean square.
 const NEAR: f64 = 1e-5;
 
-/// A direction of parameter space: parameters some way along it, and how far.
-pub type Direction = (Vec<f64>, f64);
+/// Steps that it is worth to carry tangents along one, and directions of effects' values that are worth another, as measured (`benches/stepping.rs`).
+const EFFORT: (u64, u64) = (2, 2);
+
+/// A direction in which parameters may go.
+#[derive(Debug, Clone)]
+pub struct Direction {
+    /// The model's parameters some way along it.
+    pub theta: Vec<f64>,
+    /// The effects' values there.
+    pub values: Vec<f64>,
+    /// How far that is.
+    pub by: f64,
+}
 
 /// What the outputs of a run change by, along each direction and with each initial output.
 #[derive(Debug)]
-pub(super) struct Tangents {
+pub(super) struct Tangents<'a> {
     directions: Vec<Direction>,
+    /// The effects along each of them, where they have other values there.
+    moved: Vec<Option<Slots<'a>>>,
     outputs: usize,
     /// Changes of the outputs now, one tangent after the other, and of the way since the last sample.
     now: Vec<f64>,
@@ -54,8 +68,8 @@ pub(super) struct Along<'s> {
     pub(super) fineness: &'s [f64],
 }
 
-impl Tangents {
-    pub(super) fn new(directions: Vec<Direction>, outputs: usize, rows: usize) -> Self {
+impl<'a> Tangents<'a> {
+    pub(super) fn new(directions: &[Direction], slots: &Slots<'a>, outputs: usize, rows: usize) -> Self {
         let count = directions.len() + outputs;
         let mut now = vec![0.0; count * outputs];
         (0..outputs).for_each(|i| now[(directions.len() + i) * outputs + i] = 1.0);
@@ -64,7 +78,8 @@ impl Tangents {
             series: (0..count).map(first).collect(),
             travelled: vec![0.0; now.len()],
             now,
-            directions,
+            moved: directions.iter().map(|direction| slots.moved(&direction.values)).collect(),
+            directions: directions.to_vec(),
             outputs,
             slopes: vec![0.0; outputs * outputs],
             system: DMatrix::zeros(outputs, outputs),
@@ -79,6 +94,11 @@ impl Tangents {
         let mut series = Vec::with_capacity(rows);
         series.push(first);
         series
+    }
+
+    /// What carrying them along a step costs, in terms of a step.
+    pub(super) fn effort(&self) -> u64 {
+        EFFORT.0 + self.moved.iter().flatten().count() as u64 / EFFORT.1
     }
 
     /// Records a sample; `over` is the time since the last one where means over it are read.
@@ -114,9 +134,19 @@ impl Tangents {
         right.left::<0>(along.at, along.outputs[1], along.u, along.state, work);
         right.model.accelerations(right.theta, &work.net, along.outputs[1], &mut self.behind)?;
         for (t, now) in self.now.chunks_exact_mut(n).enumerate() {
-            match self.directions.get(t) {
-                Some((theta, by)) => {
-                    right.model.accelerations(theta, &work.net, along.outputs[1], &mut self.ahead)?;
+            match self.directions.get(t).zip(self.moved.get(t)) {
+                Some((Direction { theta, by, .. }, moved)) => {
+                    match moved {
+                        Some(slots) => RightSide { theta, slots, ..*right }.accelerations::<0>(
+                            along.at,
+                            along.outputs[1],
+                            along.u,
+                            along.state,
+                            work,
+                            &mut self.ahead,
+                        )?,
+                        None => right.model.accelerations(theta, &work.net, along.outputs[1], &mut self.ahead)?,
+                    }
                     (0..n).for_each(|i| self.pushed[i] = (self.ahead[i] - self.behind[i]) / by);
                 }
                 None => self.pushed.fill(0.0),
