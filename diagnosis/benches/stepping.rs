@@ -1,9 +1,9 @@
-//! What a step of the free-run simulation costs with no, one and two effects.
+//! What a step of the free-run simulation costs with no, one and two effects, and what carrying tangents along all parameters adds.
 
 use std::hint::black_box;
 
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
-use wheelwright_core::effect::{EffectSimulator, Scene};
+use wheelwright_core::effect::{Direction, EffectSimulator, Scene};
 use wheelwright_core::{Dataset, Effect, ModelConfig, Stretch};
 use wheelwright_diagnosis::effects::{Backlash, CastorDrag, CastorKind, CommandDelay, CoulombFriction, SlewLimit, SlipLaw, WheelSlip};
 use wheelwright_models::VwPdConfig;
@@ -19,6 +19,18 @@ fn stretch() -> Stretch {
     let column = |size: f64, offset: usize| (0..ROWS).map(|k| size * fraction(1 + k / 15 + offset)).collect::<Vec<f64>>();
     let inputs = vec![column(0.5, 0), column(1.0, 71)];
     Stretch { label: String::new(), time: (0..ROWS).map(|k| 0.05 * k as f64).collect(), outputs: inputs.clone(), inputs }
+}
+
+/// Along each parameter of the model, and of forces.
+fn directions(simulator: &EffectSimulator<'_>, values: &[f64], stretch: &Stretch) -> Vec<Direction> {
+    let all = [&THETA[..], values].concat();
+    let carried = (0..all.len()).filter(|j| j.checked_sub(THETA.len()).is_none_or(|value| simulator.has_tangent(value, stretch)));
+    let along = |j: usize| {
+        let (mut there, by) = (all.clone(), 1e-3);
+        there[j] += by;
+        Direction { theta: there[..THETA.len()].to_vec(), values: there[THETA.len()..].to_vec(), by }
+    };
+    carried.map(along).collect()
 }
 
 fn stepping(criterion: &mut Criterion) {
@@ -52,6 +64,12 @@ fn stepping(criterion: &mut Criterion) {
         group.bench_function(BenchmarkId::from_parameter(name), |b| {
             b.iter(|| black_box(simulator.run(0, &data.stretches[0], &[0.0, 0.0], &mut run).is_ok()));
         });
+        if simulator.has_tangents() {
+            let directions = directions(&simulator, &values, &data.stretches[0]);
+            group.bench_function(BenchmarkId::new(name, "with tangents"), |b| {
+                b.iter(|| black_box(simulator.tangents(0, &data.stretches[0], &[0.0, 0.0], &directions, &mut run).is_ok()));
+            });
+        }
     }
     group.finish();
 }

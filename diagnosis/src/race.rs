@@ -78,6 +78,13 @@ pub(crate) struct Refined {
     pub(crate) score: f64,
 }
 
+/// What comes of a race, best first.
+pub(crate) struct Raced {
+    pub(crate) alone: Vec<Refined>,
+    /// Laws that explain hardly more than one of those that they contain, under the noise that this was asked beside.
+    pub(crate) covered: Vec<Refined>,
+}
+
 /// Who races, and how.
 pub(crate) struct Field<'f> {
     /// Most effects that enter.
@@ -176,7 +183,7 @@ impl<'a> Search<'a> {
         screened: &[Vec<Candidate>],
         responses: &[Response],
         field: &Field<'_>,
-    ) -> Vec<Refined> {
+    ) -> Raced {
         let projection = self.projection(state, whitening);
         let freedom = self.freedom(&state.effects, &state.fit);
         let before = state.fit.likelihood(&self.setting);
@@ -210,13 +217,14 @@ impl<'a> Search<'a> {
             refined.push(Refined { effect, fit, freedom, score: gain - self.penalty(freedom) });
         }
         let scores = self.scores(&refined, &refined, before);
-        let mut refined = distinct(refined, scores);
-        refined.sort_by(|a, b| b.score.total_cmp(&a.score));
+        let covered = refined.iter().zip(&scores).filter(|(_, score)| score.is_none()).map(|(r, _)| r.clone()).collect();
+        let mut alone = distinct(refined, scores);
+        alone.sort_by(|a, b| b.score.total_cmp(&a.score));
         // Among equals the library's order decides: the more common cause stands first.
-        let best = refined.first().map_or(0.0, |r| r.score);
-        let equals = refined.iter().take_while(|r| r.score > best - EXCHANGE).count();
-        refined[..equals].sort_by_key(|r| r.effect);
-        refined
+        let best = alone.first().map_or(0.0, |r| r.score);
+        let equals = alone.iter().take_while(|r| r.score > best - EXCHANGE).count();
+        alone[..equals].sort_by_key(|r| r.effect);
+        Raced { alone, covered }
     }
 
     /// The scores of those that are explanations of their own beside others: a law that explains hardly more than one that it contains is none,

@@ -62,7 +62,7 @@ pub(crate) fn evidence_at_first(start: &Surroundings<'_>) -> f64 {
     let Surroundings { search, responses, whitening, .. } = start;
     let plain = start.plain();
     let screened = search.screen(&plain, whitening, responses);
-    let best = search.refine(&plain, whitening, &screened, responses, &Field::open(0.0)).into_iter().next();
+    let best = search.refine(&plain, whitening, &screened, responses, &Field::open(0.0)).alone.into_iter().next();
     best.map_or(f64::NEG_INFINITY, |best| best.score)
 }
 
@@ -192,7 +192,7 @@ impl There<'_> {
     /// The best of them, fitted.
     fn refined(&self, (responses, screened): &(Vec<Response>, Vec<Vec<Candidate>>)) -> Option<Refined> {
         let all = self.search.refine(&self.state, &self.model.whitening, screened, responses, &Field::open(0.0));
-        all.into_iter().next().map(|best| self.with_what_it_gains(best))
+        all.alone.into_iter().next().map(|best| self.with_what_it_gains(best))
     }
 
     /// One of them, fitted from where it was at another width.

@@ -117,7 +117,7 @@ impl<'a> Search<'a> {
         let unbent = self.unbent(&selected.state, member);
         let gain = self.gain(&selected.state.fit, &rest);
         let field = Field::contest(&unbent, gain, selected.gained(&self.setting, &rest.fit));
-        let mut refined = self.refine(&rest, &selected.whitening, &others, &responses, &field);
+        let mut refined = self.refine(&rest, &selected.whitening, &others, &responses, &field).alone;
         let stands_in = (0..self.library.len()).filter(|i| self.stands_in(*i, dropped) && self.joins(*i, &rest.effects));
         // From where the member is: of what only stands in for it nothing is to be seen without it.
         let placed = |i: usize| self.placed(i, self.starts_at(i, &selected.state, member), &unbent, selected, &rest);

@@ -19,12 +19,12 @@ pub(crate) use self::contest::Newest;
 use self::contest::of_the_last;
 use crate::diagnose::Known;
 use crate::fit::algebra::Directions;
-use crate::fit::search::{Effort, Fit, left};
+use crate::fit::search::{Effort, Fit, OUT_OF_REACH, left};
 use crate::fit::setting::{Point, Runner, Setting};
 use crate::fit::whitening::Whitening;
 use crate::noise::Noise;
 use crate::question::DiagnosisError;
-use crate::race::{Field, Refined};
+use crate::race::{Field, Raced, Refined};
 use crate::screen::{Candidate, Response};
 
 /// Most effects of one explanation.
@@ -37,6 +37,8 @@ const RESIMULATED: (usize, usize) = (24, 3);
 pub(crate) const SHARE: f64 = 0.02;
 /// Noise whose past tells a third of its variance could as well be motion.
 const COLOURED: f64 = 1.2;
+/// Share of a noise below which another is markedly less.
+const QUIETER: f64 = 0.9;
 /// What an exchange must gain, so that it is no toss of a coin.
 pub(crate) const EXCHANGE: f64 = 2.0;
 
@@ -86,6 +88,13 @@ pub(crate) struct Rival {
     pub(crate) cost: f64,
 }
 
+/// A candidate that holds its evidence.
+struct Held<'r> {
+    selected: Selected,
+    /// Another one that explains more under the noise that it leaves.
+    instead: Option<&'r Refined>,
+}
+
 /// The search's fixed surroundings.
 pub(crate) struct Search<'a> {
     pub(crate) setting: Setting<'a>,
@@ -124,6 +133,17 @@ impl Selected {
 /// Whether noise is so coloured that a misfit could hide in it.
 fn coloured(noise: &Noise) -> bool {
     noise.deviation.iter().zip(&noise.innovation).any(|(all, new)| *all > COLOURED * new)
+}
+
+/// Whether an output's noise is markedly less than another.
+fn quieter(noise: &Noise, than: &Noise) -> bool {
+    noise.deviation.iter().zip(&than.deviation).any(|(now, before)| *now < QUIETER * before)
+}
+
+/// Those that come near to a candidate: laws that contain another one too, which only loud noise may have covered.
+fn near<'r>(raced: &'r Raced, candidate: &Refined) -> Vec<&'r Refined> {
+    let within = |r: &&Refined| r.effect != candidate.effect && r.score > candidate.score - OUT_OF_REACH;
+    raced.alone.iter().chain(&raced.covered).filter(within).collect()
 }
 
 /// Whether one family is the other or a part of it.
@@ -260,9 +280,10 @@ impl<'a> Search<'a> {
         let responses = self.responses_beside(&selected.state, selected, first);
         let screened = self.screen(&selected.state, &selected.whitening, &responses);
         let field = Field::open(share / SHARE * selected.gained(&self.setting, &selected.state.fit));
-        let refined = self.refine(&selected.state, &selected.whitening, &screened, &responses, &field);
-        let joined = (0..refined.len().min(2)).filter(|i| refined[*i].score > 0.0).find_map(|i| self.join(selected, &refined, i, share));
-        (self.ranking(&screened, &refined), joined)
+        let raced = self.refine(&selected.state, &selected.whitening, &screened, &responses, &field);
+        let worthwhile = raced.alone.iter().take(2).filter(|candidate| candidate.score > 0.0);
+        let joined = worthwhile.filter_map(|candidate| self.join(selected, &raced, candidate, share)).next();
+        (self.ranking(&screened, &raced.alone), joined)
     }
 
     /// The same model under noise of no colour, for a second look: a misfit that remains passes for coloured noise, and that noise hides it.
@@ -307,9 +328,16 @@ impl<'a> Search<'a> {
     }
 
     /// Takes a candidate into the model if its evidence holds under the noise that it leaves itself. A misfit hides in the noise of
-    /// the model that lacks the effect, but noise cannot hide from the model that has it.
-    fn join(&self, selected: &Selected, refined: &[Refined], which: usize, share: f64) -> Option<Selected> {
-        let candidate = &refined[which];
+    /// the model that lacks the effect, but noise cannot hide from the model that has it: nor can what tells the candidate from those that came near it,
+    /// and one of them may take its place.
+    fn join(&self, selected: &Selected, raced: &Raced, candidate: &Refined, share: f64) -> Option<Selected> {
+        let Held { selected: held, instead } = self.held(selected, raced, candidate, share)?;
+        let instead = instead.and_then(|other| self.held(selected, raced, other, share));
+        Some(instead.map_or(held, |other| other.selected))
+    }
+
+    /// A candidate in the model, if its evidence holds there.
+    fn held<'r>(&self, selected: &Selected, raced: &'r Raced, candidate: &Refined, share: f64) -> Option<Held<'r>> {
         let effects = selected.state.and(candidate.effect);
         let (whitening, with) = self.under_its_own(&effects, &candidate.fit, &selected.whitening, FINAL)?;
         let with = self.look_round(&effects, &whitening, with, FINAL);
@@ -318,17 +346,32 @@ impl<'a> Search<'a> {
         let (_, without) = self.under(&selected.state.effects, &selected.state.fit, noise, COMPARING)?;
         let likelihood = |f: &Fit| f.likelihood(&self.setting);
         let gain = likelihood(&with) - likelihood(&without);
-        let score = gain - self.penalty(self.freedom(&effects, &with) - self.freedom(&selected.state.effects, &without));
+        let before = self.freedom(&selected.state.effects, &without);
+        let freedom = self.freedom(&effects, &with) - before;
+        let score = gain - self.penalty(freedom);
         let base = if selected.state.effects.is_empty() { without.clone() } else { self.under(&[], &selected.base, noise, COMPARING)?.1 };
         let explained = likelihood(&with) - likelihood(&base) - gain;
         let matters = score >= share * explained || self.sizeable(&base, &without, &with, noise);
-        (score > 0.0 && matters).then(|| Selected {
-            rivals: of_the_last(effects.len(), self.beside(&selected.state, refined, candidate)),
-            state: State { effects, fit: with },
-            whitening,
-            base,
-            ranking: selected.ranking.clone(),
-        })
+        if score <= 0.0 || !matters {
+            return None;
+        }
+        let near = if quieter(noise, &selected.whitening.noise) { near(raced, candidate) } else { Vec::new() };
+        let again = |rival: &&'r Refined| {
+            let effects = selected.state.and(rival.effect);
+            let (_, fit) = self.under(&effects, &rival.fit, noise, COMPARING)?;
+            let freedom = self.freedom(&effects, &fit) - before;
+            let score = likelihood(&fit) - likelihood(&without) - self.penalty(freedom);
+            Some((*rival, Refined { effect: rival.effect, fit, freedom, score }))
+        };
+        let (near, others): (Vec<&Refined>, Vec<Refined>) = near.iter().filter_map(again).unzip();
+        let present = Refined { effect: candidate.effect, fit: with, freedom, score };
+        let scores = self.scores(&others, std::slice::from_ref(&present), likelihood(&without));
+        let better =
+            near.into_iter().zip(scores).filter_map(|(rival, score)| Some((rival, score.filter(|s| *s > present.score + EXCHANGE)?)));
+        let instead = better.max_by(|a, b| a.1.total_cmp(&b.1)).map(|(rival, _)| rival);
+        let rivals = of_the_last(effects.len(), self.beside(&selected.state, &raced.alone, candidate));
+        let state = State { effects, fit: present.fit };
+        Some(Held { selected: Selected { rivals, state, whitening, base, ranking: selected.ranking.clone() }, instead })
     }
 
     /// Whether a further effect takes a share worth naming off the misfit itself. Evidence says less of it where a misfit remains that

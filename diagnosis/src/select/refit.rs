@@ -1,6 +1,6 @@
 //! The model again: with fewer effects, from elsewhere, or under another noise.
 
-use super::{COMPARING, FINAL, Search, Selected, State, TOLD, Unbent};
+use super::{COMPARING, FINAL, Search, Selected, State, TOLD, Unbent, quieter};
 use crate::fit::Fitted;
 use crate::fit::algebra::Directions;
 use crate::fit::base::renew;
@@ -10,8 +10,7 @@ use crate::fit::setting::Point;
 use crate::fit::whitening::Whitening;
 use crate::noise::Noise;
 
-/// Share of the noise that a fit was made under below which what it leaves is another noise, and how often it is fitted under that at most.
-const QUIETER: f64 = 0.9;
+/// How often a fit is made again at most under the markedly quieter noise that it leaves.
 const RENEWALS: usize = 4;
 
 impl<'a> Search<'a> {
@@ -37,8 +36,7 @@ impl<'a> Search<'a> {
     pub(super) fn quieted(&self, indices: &[usize], mut whitening: Whitening, mut fit: Fit, effort: Effort) -> (Whitening, Fit) {
         for _ in 0..RENEWALS {
             let noise = self.left_noise(&fit, &whitening);
-            let deviations = noise.deviation.iter().zip(&whitening.noise.deviation);
-            if !deviations.into_iter().any(|(now, before)| *now < QUIETER * before) {
+            if !quieter(&noise, &whitening.noise) {
                 break;
             }
             let renewed = self.runner(indices, &fit.point).and_then(|mut runner| renew(&self.setting, &mut runner, noise, &fit, effort));
