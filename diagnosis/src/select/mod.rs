@@ -412,11 +412,56 @@ impl<'a> Search<'a> {
 
 #[cfg(test)]
 mod tests {
-    use super::related;
+    #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
+
+    use rand::SeedableRng;
+    use rand::rngs::StdRng;
+
+    use super::*;
+    use crate::effects::{CoulombFriction, StribeckFriction};
+    use crate::fixture::{Case, NOISE, THETA, TRACK, normal, with_selected};
 
     #[test]
     fn a_family_is_related_to_its_parts_and_they_are_not_to_each_other() {
         assert!(related("slew_limit", "slew_limit/v") && related("slew_limit/v", "slew_limit") && related("friction", "friction"));
         assert!(!related("slew_limit/v", "slew_limit/omega") && !related("friction", "slew_limit/v"));
+    }
+
+    /// A case whose wheels rub, and more so near standstill: in steps of a millisecond.
+    fn rubbing() -> Case {
+        const STEPS: usize = 50;
+        let (mut case, mut random) = (Case::clean(6), StdRng::seed_from_u64(8));
+        let rub = |s: f64| (0.03 + 0.006 * (-(s / 0.1).powi(2)).exp()) * (s / 0.003).tanh();
+        for stretch in &mut case.data.stretches {
+            let [mut v, mut w] = [0.0_f64; 2];
+            for k in 0..stretch.time.len() {
+                for (y, (x, noise)) in stretch.outputs.iter_mut().zip([(v, NOISE[0]), (w, NOISE[1])]) {
+                    y[k] = x + 0.2 * noise * normal(&mut random);
+                }
+                for _ in 0..STEPS {
+                    let [left, right] = [v - 0.5 * TRACK * w, v + 0.5 * TRACK * w].map(rub);
+                    let (forward, turning) = (0.5 * (left + right), (right - left) / TRACK);
+                    let (a, b) = (stretch.inputs[0][k] - forward - THETA[3] * v, stretch.inputs[1][k] - turning - THETA[5] * w);
+                    v += 0.05 / STEPS as f64 * (a + THETA[2] * w * w) / THETA[0];
+                    w += 0.05 / STEPS as f64 * (b - THETA[4] * v * w) / THETA[1];
+                }
+            }
+        }
+        case
+    }
+
+    #[test]
+    fn a_law_that_loud_noise_covers_is_asked_again_under_the_noise_that_is_left() {
+        let library: Vec<Box<dyn Effect>> = vec![Box::new(CoulombFriction::default()), Box::new(StribeckFriction::default())];
+        with_selected(&rubbing(), &library, 0, |search, plain| {
+            let (whitening, fit) = search.under_its_own(&[], &plain.base, &plain.whitening, COMPARING).unwrap();
+            let selected = Selected { base: fit.clone(), state: State::plain(fit), whitening, ..plain };
+            let responses = search.respond(&selected.state);
+            let screened = search.screen(&selected.state, &selected.whitening, &responses);
+            let raced = search.refine(&selected.state, &selected.whitening, &screened, &responses, &Field::open(0.0));
+            let effects = |refined: &[Refined]| refined.iter().map(|r| r.effect).collect::<Vec<_>>();
+            assert_eq!((effects(&raced.alone), effects(&raced.covered)), (vec![0], vec![1]));
+            assert_eq!(search.joined(&selected, &responses).unwrap().state.effects, [1]);
+        });
     }
 }
