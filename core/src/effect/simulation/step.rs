@@ -250,7 +250,7 @@ impl EffectSimulator<'_> {
                 continue;
             }
             if self.tangents.is_some() {
-                self.carry::<DIAGONAL>(&at, h)?;
+                self.carry::<N, DIAGONAL>(&at, h)?;
             }
             std::mem::swap(&mut self.body.x, &mut self.body.next);
             std::mem::swap(&mut self.body.n0, &mut self.body.n1);
@@ -264,20 +264,21 @@ impl EffectSimulator<'_> {
     }
 
     /// Carries tangents along the step that was just taken.
-    fn carry<const DIAGONAL: bool>(&mut self, at: &Instant<'_>, h: f64) -> Result<(), ModelError> {
+    fn carry<const N: usize, const DIAGONAL: bool>(&mut self, at: &Instant<'_>, h: f64) -> Result<(), ModelError> {
         let Self { model, theta, slots, state, linear, body: b, tangents, .. } = self;
         let Some(tangents) = tangents else { return Ok(()) };
         self.steps += tangents.effort();
+        let n = b.outputs::<N>();
         let middle = Instant { time: at.time + 0.5 * h, span: 0.0, step: h, ..*at };
         let along = Along {
             at: &middle,
-            outputs: [&b.x, &b.mid, &b.next],
+            outputs: [&b.x[..n], &b.mid[..n], &b.next[..n]],
             u: if slots.ahead { &b.middle } else { &b.u },
             state,
             fineness: &b.fineness,
         };
         let right = RightSide { model: *model, theta, slots, linear };
-        tangents.carry::<DIAGONAL>(&right, &along, &mut b.work, h)
+        tangents.carry::<N, DIAGONAL>(&right, &along, &mut b.work, h)
     }
 
     /// How often the longest step has to be halved, so that one that begins at a place is no longer than in the run that is followed.

@@ -53,6 +53,8 @@ pub(super) struct Tangents<'a> {
     ahead: Vec<f64>,
     behind: Vec<f64>,
     pushed: Vec<f64>,
+    /// What the loads leave of the command.
+    net: Vec<f64>,
 }
 
 /// The step along which tangents are carried.
@@ -87,6 +89,7 @@ impl<'a> Tangents<'a> {
             ahead: vec![0.0; outputs],
             behind: vec![0.0; outputs],
             pushed: vec![0.0; outputs],
+            net: Vec::new(),
         }
     }
 
@@ -110,78 +113,87 @@ impl<'a> Tangents<'a> {
     }
 
     /// Carries them along a step.
-    pub(super) fn carry<const DIAGONAL: bool>(
+    pub(super) fn carry<const N: usize, const DIAGONAL: bool>(
         &mut self,
         right: &RightSide<'_, '_>,
         along: &Along<'_>,
         work: &mut Work,
         h: f64,
     ) -> Result<(), ModelError> {
-        self.secants::<DIAGONAL>(right, along, work)?;
-        let n = self.outputs;
-        let size = if DIAGONAL { n } else { n * n };
-        let [_, _, full, start, middle] = right.linear.weights(size);
-        let held = h * self.firmness(along.fineness);
-        let w = (1.0 - 1.0 / held).max(0.5);
+        self.secants::<N, DIAGONAL>(right, along, work)?;
+        let n = self.outputs::<N>();
+        let [_, _, full, start, middle] = right.linear.weights(if DIAGONAL { n } else { n * n });
+        let w = (1.0 - 1.0 / (h * self.firmness::<N>(along.fineness))).max(0.5);
         let forced = |values: &[f64], i: usize| row::<DIAGONAL>(start, i, values) + row::<DIAGONAL>(middle, i, values);
+        let Self { slopes, system, point, ahead, behind, pushed, .. } = self;
+        let (slopes, point, ahead, behind, pushed) =
+            (&slopes[..n * n], &mut point[..n], &mut ahead[..n], &mut behind[..n], &mut pushed[..n]);
         for k in 0..n {
-            (0..n).for_each(|i| self.point[i] = self.slopes[i * n + k]);
-            (0..n).for_each(|i| self.system[(i, k)] = f64::from(u8::from(i == k)) - w * forced(&self.point, i));
+            point.iter_mut().enumerate().for_each(|(i, value)| *value = slopes[i * n + k]);
+            (0..n).for_each(|i| system[(i, k)] = f64::from(u8::from(i == k)) - w * forced(point, i));
         }
-        if !self.system.try_inverse_mut() {
+        if !system.try_inverse_mut() {
             return Err(ModelError::Singular { model: right.model.name().to_owned() });
         }
-        right.left::<0>(along.at, along.outputs[1], along.u, along.state, work);
-        right.model.accelerations(right.theta, &work.net, along.outputs[1], &mut self.behind)?;
-        for (t, now) in self.now.chunks_exact_mut(n).enumerate() {
+        let (at, mid, u, state) = (along.at, along.outputs[1], along.u, along.state);
+        right.left::<N>(at, mid, u, state, work);
+        self.net.clone_from(&work.net);
+        right.model.accelerations(right.theta, &self.net, mid, behind)?;
+        let tangents = self.now.chunks_exact_mut(n).zip(self.travelled.chunks_exact_mut(n));
+        for (t, (now, travelled)) in tangents.enumerate() {
             match self.directions.get(t).zip(self.moved.get(t)) {
                 Some((Direction { theta, by, .. }, moved)) => {
                     match moved {
-                        Some(slots) => RightSide { theta, slots, ..*right }.accelerations::<0>(
-                            along.at,
-                            along.outputs[1],
-                            along.u,
-                            along.state,
-                            work,
-                            &mut self.ahead,
-                        )?,
-                        None => right.model.accelerations(theta, &work.net, along.outputs[1], &mut self.ahead)?,
+                        Some(slots) => RightSide { theta, slots, ..*right }.accelerations::<N>(at, mid, u, state, work, ahead)?,
+                        None => right.model.accelerations(theta, &self.net, mid, ahead)?,
                     }
-                    (0..n).for_each(|i| self.pushed[i] = (self.ahead[i] - self.behind[i]) / by);
+                    (0..n).for_each(|i| pushed[i] = (ahead[i] - behind[i]) / by);
                 }
-                None => self.pushed.fill(0.0),
+                None => pushed.fill(0.0),
             }
-            (0..n).for_each(|i| self.pushed[i] += (1.0 - w) * square_row(&self.slopes, i, now));
-            (0..n).for_each(|i| self.point[i] = row::<DIAGONAL>(full, i, now) + forced(&self.pushed, i));
+            (0..n).for_each(|i| pushed[i] += (1.0 - w) * square_row(slopes, i, now));
+            (0..n).for_each(|i| point[i] = row::<DIAGONAL>(full, i, now) + forced(pushed, i));
             for i in 0..n {
-                let end: f64 = (0..n).map(|k| self.system[(i, k)] * self.point[k]).sum();
-                self.travelled[t * n + i] += 0.5 * h * (now[i] + end);
-                self.pushed[i] = end;
+                let end: f64 = (0..n).map(|k| system[(i, k)] * point[k]).sum();
+                travelled[i] += 0.5 * h * (now[i] + end);
+                now[i] = end;
             }
-            now.copy_from_slice(&self.pushed);
         }
         Ok(())
     }
 
     /// What is not the linear part's of how the accelerations change with the outputs, over what the step moves.
-    fn secants<const DIAGONAL: bool>(&mut self, right: &RightSide<'_, '_>, along: &Along<'_>, work: &mut Work) -> Result<(), ModelError> {
-        let (n, [from, mid, to]) = (self.outputs, along.outputs);
+    fn secants<const N: usize, const DIAGONAL: bool>(
+        &mut self,
+        right: &RightSide<'_, '_>,
+        along: &Along<'_>,
+        work: &mut Work,
+    ) -> Result<(), ModelError> {
+        let (n, [from, mid, to]) = (self.outputs::<N>(), along.outputs);
+        let Self { slopes, point, ahead, behind, .. } = self;
+        let (slopes, point, ahead, behind) = (&mut slopes[..n * n], &mut point[..n], &mut ahead[..n], &mut behind[..n]);
         for k in 0..n {
             let half = (0.5 * (to[k] - from[k]).abs()).max(NEAR / along.fineness[k]);
-            for (sign, out) in [(1.0, &mut self.ahead), (-1.0, &mut self.behind)] {
-                self.point.copy_from_slice(mid);
-                self.point[k] += sign * half;
-                right.accelerations::<0>(along.at, &self.point, along.u, along.state, work, out)?;
-                (0..n).for_each(|i| out[i] -= row::<DIAGONAL>(&right.linear.part, i, &self.point));
+            for (sign, out) in [(1.0, &mut *ahead), (-1.0, &mut *behind)] {
+                point.copy_from_slice(mid);
+                point[k] += sign * half;
+                right.accelerations::<N>(along.at, point, along.u, along.state, work, out)?;
+                (0..n).for_each(|i| out[i] -= row::<DIAGONAL>(&right.linear.part, i, point));
             }
-            (0..n).for_each(|i| self.slopes[i * n + k] = (self.ahead[i] - self.behind[i]) / (2.0 * half));
+            let over = 0.5 / half;
+            (0..n).for_each(|i| slopes[i * n + k] = (ahead[i] - behind[i]) * over);
         }
         Ok(())
     }
 
+    #[inline(always)]
+    fn outputs<const N: usize>(&self) -> usize {
+        if N == 0 { self.outputs } else { N }
+    }
+
     /// The largest rate at which they take differences away, each output in terms of its root mean square.
-    fn firmness(&self, fineness: &[f64]) -> f64 {
-        let n = self.outputs;
+    fn firmness<const N: usize>(&self, fineness: &[f64]) -> f64 {
+        let n = self.outputs::<N>();
         let of = |i: usize| (0..n).map(|k| (self.slopes[i * n + k] * fineness[i] / fineness[k]).abs()).sum::<f64>();
         (0..n).map(of).fold(0.0, f64::max)
     }
