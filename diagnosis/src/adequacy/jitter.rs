@@ -8,6 +8,8 @@
 
 use crate::comparison::Comparison;
 
+use super::bursts::FALSE_ALARM;
+
 /// Squared innovations are cut here, so that single outliers decide nothing.
 const CUT: f64 = 9.0;
 
@@ -91,7 +93,8 @@ fn found_where(comparison: &Comparison<'_>, looked_at: &dyn Fn(usize, f64) -> bo
     };
     let z: Vec<f64> = rows.iter().enumerate().filter(|(_, seen)| !seen.is_empty()).map(grown).collect();
     let combined = z.iter().sum::<f64>() / (z.len() as f64).sqrt();
-    if combined < SURE || z.iter().any(|z| *z < 0.0) {
+    let limit = statrs::distribution::ContinuousCDF::inverse_cdf(&statrs::distribution::Normal::standard(), 1.0 - FALSE_ALARM);
+    if combined < limit || z.iter().any(|z| *z < 0.0) {
         return None;
     }
     let chance = growth_of_neighbours(&products, &pairs, variance) < 0.5 * variance;

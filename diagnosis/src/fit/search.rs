@@ -3,8 +3,7 @@
 //! Noise levels are known up to one factor an output, so twice the log-likelihood is −Σ N ln(mean r²) over the outputs. Its
 //! quadratic model at a point is a sum of squares with output weights N / Σ r², which is renewed at every step. Columns of the
 //! Jacobian are simulated once and then kept up to date by Broyden's formula: a column costs a simulation, an update a sum. They
-//! are simulated again where a step disappoints, or a second one in a row leads nowhere: the first has told what it did not know, as in hybrd of MINPACK
-//! (Moré, Garbow and Hillstrom, 1980).
+//! are simulated again where a step disappoints.
 
 use nalgebra::{DMatrix, DVector};
 use wheelwright_core::least_squares::{Limits, constrained_step};
@@ -193,7 +192,7 @@ pub(crate) fn maximise(
         linearise(runner, whitening, &mut fit, 0..unknowns);
     }
     let mut damping = fit.damping.max(FIRST_DAMPING);
-    let (mut trials, mut taught) = (0, false);
+    let mut trials = 0;
     while trials < effort.trials {
         let Some((step, promised)) = step(setting, &fit, &limits, damping, &usual) else { break };
         if fresh && fit.likelihood(setting) + OPTIMISM * logarithmic(promised, setting) < effort.target - OUT_OF_REACH {
@@ -216,9 +215,8 @@ pub(crate) fn maximise(
         let gain = reached.as_ref().map_or(f64::NEG_INFINITY, |r| r.likelihood(setting) - fit.likelihood(setting));
         match reached {
             Some(mut next) if gain > 0.0 => {
-                broyden(&mut fit, &next.residual, &step);
                 next.columns = std::mem::take(&mut fit.columns);
-                taught = false;
+                broyden(&mut next, &fit.residual, &step);
                 let disappointing = gain < 0.5 * promised;
                 fit = next;
                 fresh = false;
@@ -228,14 +226,9 @@ pub(crate) fn maximise(
                     linearise(runner, whitening, &mut fit, setting.free()..unknowns);
                 }
             }
-            Some(there) if !fresh && !taught => {
-                broyden(&mut fit, &there.residual, &step);
-                damping = (damping * 8.0).max(FIRST_DAMPING);
-                taught = true;
-            }
             _ if !fresh => {
                 linearise(runner, whitening, &mut fit, 0..unknowns);
-                (fresh, taught) = (true, false);
+                fresh = true;
             }
             _ => damping = (damping * 8.0).max(FIRST_DAMPING),
         }
@@ -285,17 +278,17 @@ fn step(setting: &Setting<'_>, fit: &Fit, limits: &Limits, damping: f64, usual: 
     step.iter().all(|s| s.is_finite()).then_some((step, promised))
 }
 
-/// Broyden's rank-one update: the columns that explain the change of the residual along a step, nearest to the old ones.
-fn broyden(fit: &mut Fit, there: &[f64], step: &DVector<f64>) {
-    let sizes: Vec<f64> = fit.columns.iter().map(|c| dot(c, c)).collect();
+/// Broyden's rank-one update: the columns that explain the change of the residual along the step, nearest to the old ones.
+fn broyden(next: &mut Fit, before: &[f64], step: &DVector<f64>) {
+    let sizes: Vec<f64> = next.columns.iter().map(|c| dot(c, c)).collect();
     let length: f64 = step.iter().zip(&sizes).map(|(s, d)| s * s * d).sum();
     if length.is_nan() || length <= 0.0 {
         return;
     }
-    // here − there − J s
-    let mut missed: Vec<f64> = fit.residual.iter().zip(there).map(|(here, there)| here - there).collect();
-    fit.columns.iter().zip(step.iter()).for_each(|(c, s)| add(&mut missed, -s, c));
-    for ((column, s), d) in fit.columns.iter_mut().zip(step.iter()).zip(&sizes) {
+    // before − now − J s
+    let mut missed: Vec<f64> = before.iter().zip(&next.residual).map(|(b, r)| b - r).collect();
+    next.columns.iter().zip(step.iter()).for_each(|(c, s)| add(&mut missed, -s, c));
+    for ((column, s), d) in next.columns.iter_mut().zip(step.iter()).zip(&sizes) {
         add(column, s * d / length, &missed);
     }
 }

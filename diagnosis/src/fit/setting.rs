@@ -338,7 +338,7 @@ impl<'s, 'a> Runner<'s, 'a> {
     /// How the free run changes with each of some unknowns; nothing where it cannot be evaluated.
     pub(crate) fn columns(&mut self, point: &Point, unknowns: Range<usize>) -> Vec<Vec<f64>> {
         let places: Vec<Option<usize>> = unknowns.clone().map(|j| self.carried.iter().position(|c| *c == j)).collect();
-        let carried = places.iter().any(Option::is_some) && self.carry(point);
+        let carried = self.simulator.has_kinks() && places.iter().any(Option::is_some) && self.carry(point);
         let tangent = |place: &Option<usize>| self.last.as_ref().filter(|_| carried)?.tangents.get((*place)?).cloned();
         let known: Vec<Option<Vec<f64>>> = places.iter().map(tangent).collect();
         let others = unknowns.zip(&known).filter(|(_, known)| known.is_none()).map(|(j, _)| j).collect();
@@ -351,7 +351,7 @@ impl<'s, 'a> Runner<'s, 'a> {
 
     /// How it changes with the initial value of each output, at all stretches.
     pub(crate) fn start_columns(&mut self, point: &Point) -> Vec<Vec<f64>> {
-        if self.simulator.has_tangents() && self.carry(point) {
+        if self.simulator.has_kinks() && self.simulator.has_tangents() && self.carry(point) {
             let tangents = self.last.iter().flat_map(|last| &last.tangents[self.carried.len()..]);
             return tangents.cloned().collect();
         }

@@ -66,6 +66,8 @@ pub struct EffectSimulator<'a> {
     before: Vec<f64>,
     trace: Trace,
     steps: u64,
+    /// Whether any step has been halved.
+    halved: bool,
     /// Whether a run follows the steps of one before it.
     follows: bool,
     /// Those steps, stretch by stretch, and the stretch that is run.
@@ -103,6 +105,7 @@ impl<'a> EffectSimulator<'a> {
             slots,
             trace: Trace::default(),
             steps: 0,
+            halved: false,
             follows: false,
             paces: Vec::new(),
             stretch: 0,
@@ -219,6 +222,12 @@ impl<'a> EffectSimulator<'a> {
     /// accelerated or recorded, only runs beside each other tell how they differ.
     pub fn has_tangents(&self) -> bool {
         self.slots.plain
+    }
+
+    /// Whether a step of a run had to be halved so far: something sets in within it, and differences of runs hang on where it does. Where nothing does they
+    /// are nearer to the run's own derivatives than tangents are.
+    pub fn has_kinks(&self) -> bool {
+        self.halved
     }
 
     /// Whether they are along one of the effects' values: that of a force which acts throughout a stretch.

@@ -246,6 +246,7 @@ impl EffectSimulator<'_> {
             let missed = self.step::<N, DIAGONAL>(&at, h, allowed)?;
             if missed > allowed && depth < deepest {
                 self.restore();
+                self.halved = true;
                 depth += 1;
                 continue;
             }
