@@ -338,20 +338,21 @@ impl<'s, 'a> Runner<'s, 'a> {
     /// How the free run changes with each of some unknowns; nothing where it cannot be evaluated.
     pub(crate) fn columns(&mut self, point: &Point, unknowns: Range<usize>) -> Vec<Vec<f64>> {
         let places: Vec<Option<usize>> = unknowns.clone().map(|j| self.carried.iter().position(|c| *c == j)).collect();
-        let carried = self.simulator.has_kinks() && places.iter().any(Option::is_some) && self.carry(point);
+        let carried = places.iter().any(Option::is_some) && self.carry(point);
         let tangent = |place: &Option<usize>| self.last.as_ref().filter(|_| carried)?.tangents.get((*place)?).cloned();
         let known: Vec<Option<Vec<f64>>> = places.iter().map(tangent).collect();
         let others = unknowns.zip(&known).filter(|(_, known)| known.is_none()).map(|(j, _)| j).collect();
-        let mut beside = self.beside(point, others, |runner, j, base| {
+        let beside = self.beside(point, others, |runner, j, base| {
             let step = runner.step(&point.x, j);
             [step, -step].iter().find_map(|step| runner.change(&moved(point, j, *step), base, *step))
         });
-        known.into_iter().map(|known| known.unwrap_or_else(|| beside.remove(0))).collect()
+        let mut beside = beside.into_iter();
+        known.into_iter().filter_map(|known| known.or_else(|| beside.next())).collect()
     }
 
     /// How it changes with the initial value of each output, at all stretches.
     pub(crate) fn start_columns(&mut self, point: &Point) -> Vec<Vec<f64>> {
-        if self.simulator.has_kinks() && self.simulator.has_tangents() && self.carry(point) {
+        if self.carry(point) {
             let tangents = self.last.iter().flat_map(|last| &last.tangents[self.carried.len()..]);
             return tangents.cloned().collect();
         }
@@ -363,8 +364,11 @@ impl<'s, 'a> Runner<'s, 'a> {
         })
     }
 
-    /// Has the tangents of a point's run at hand; false where it cannot be evaluated.
+    /// Has the tangents of a point's run at hand; false where there are none, where runs beside it are the better, and where it cannot be evaluated.
     fn carry(&mut self, point: &Point) -> bool {
+        if !(self.simulator.has_tangents() && self.simulator.has_kinks()) {
+            return false;
+        }
         if self.last.as_ref().is_some_and(|last| last.point == *point && !last.tangents.is_empty()) {
             return true;
         }
@@ -405,9 +409,7 @@ impl<'s, 'a> Runner<'s, 'a> {
             return Vec::new();
         }
         let nothing = vec![0.0; self.setting.layout.len()];
-        if self.last.as_ref().is_none_or(|last| last.point != *point) {
-            self.run(&point.x, &point.starts, &mut nothing.clone());
-        }
+        self.run(&point.x, &point.starts, &mut nothing.clone());
         let Some(last) = self.last.take() else { return vec![nothing; all.len()] };
         self.simulator.set_following(true);
         let found = all.into_iter().map(|i| find(self, i, &last.run).unwrap_or_else(|| nothing.clone())).collect();

@@ -88,13 +88,6 @@ pub(crate) struct Rival {
     pub(crate) cost: f64,
 }
 
-/// A candidate that holds its evidence.
-struct Held<'r> {
-    selected: Selected,
-    /// Another one that explains more under the noise that it leaves.
-    instead: Option<&'r Refined>,
-}
-
 /// The search's fixed surroundings.
 pub(crate) struct Search<'a> {
     pub(crate) setting: Setting<'a>,
@@ -331,47 +324,47 @@ impl<'a> Search<'a> {
     /// the model that lacks the effect, but noise cannot hide from the model that has it: nor can what tells the candidate from those that came near it,
     /// and one of them may take its place.
     fn join(&self, selected: &Selected, raced: &Raced, candidate: &Refined, share: f64) -> Option<Selected> {
-        let Held { selected: held, instead } = self.held(selected, raced, candidate, share)?;
-        let instead = instead.and_then(|other| self.held(selected, raced, other, share));
-        Some(instead.map_or(held, |other| other.selected))
+        let (held, rest) = self.held(selected, raced, candidate, share)?;
+        let near = if quieter(&held.whitening.noise, &selected.whitening.noise) { near(raced, candidate) } else { Vec::new() };
+        let instead = self.instead(near, candidate, &held, &rest).and_then(|other| self.held(selected, raced, other, share));
+        Some(instead.map_or(held, |(other, _)| other))
     }
 
-    /// A candidate in the model, if its evidence holds there.
-    fn held<'r>(&self, selected: &Selected, raced: &'r Raced, candidate: &Refined, share: f64) -> Option<Held<'r>> {
+    /// A candidate in the model, if its evidence holds there, and the model without it under the same noise.
+    fn held(&self, selected: &Selected, raced: &Raced, candidate: &Refined, share: f64) -> Option<(Selected, State)> {
         let effects = selected.state.and(candidate.effect);
         let (whitening, with) = self.under_its_own(&effects, &candidate.fit, &selected.whitening, FINAL)?;
         let with = self.look_round(&effects, &whitening, with, FINAL);
         let (whitening, with) = self.quieted(&effects, whitening, with, FINAL);
         let noise = &whitening.noise;
         let (_, without) = self.under(&selected.state.effects, &selected.state.fit, noise, COMPARING)?;
-        let likelihood = |f: &Fit| f.likelihood(&self.setting);
-        let gain = likelihood(&with) - likelihood(&without);
-        let before = self.freedom(&selected.state.effects, &without);
-        let freedom = self.freedom(&effects, &with) - before;
-        let score = gain - self.penalty(freedom);
         let base = if selected.state.effects.is_empty() { without.clone() } else { self.under(&[], &selected.base, noise, COMPARING)?.1 };
-        let explained = likelihood(&with) - likelihood(&base) - gain;
-        let matters = score >= share * explained || self.sizeable(&base, &without, &with, noise);
-        if score <= 0.0 || !matters {
-            return None;
-        }
-        let near = if quieter(noise, &selected.whitening.noise) { near(raced, candidate) } else { Vec::new() };
-        let again = |rival: &&'r Refined| {
-            let effects = selected.state.and(rival.effect);
-            let (_, fit) = self.under(&effects, &rival.fit, noise, COMPARING)?;
-            let freedom = self.freedom(&effects, &fit) - before;
-            let score = likelihood(&fit) - likelihood(&without) - self.penalty(freedom);
-            Some((*rival, Refined { effect: rival.effect, fit, freedom, score }))
+        let rest = State { effects: selected.state.effects.clone(), fit: without };
+        let (_, score) = self.beyond(&effects, &with, &rest);
+        let explained = with.likelihood(&self.setting) - base.likelihood(&self.setting) - self.gain(&with, &rest);
+        let matters = score >= share * explained || self.sizeable(&base, &rest.fit, &with, noise);
+        (score > 0.0 && matters).then(|| {
+            let rivals = of_the_last(effects.len(), self.beside(&selected.state, &raced.alone, candidate));
+            let ranking = selected.ranking.clone();
+            (Selected { rivals, state: State { effects, fit: with }, whitening, base, ranking }, rest)
+        })
+    }
+
+    /// One of those that came near a candidate, if it explains more under the noise that is left where that is held.
+    fn instead<'r>(&self, near: Vec<&'r Refined>, candidate: &Refined, held: &Selected, rest: &State) -> Option<&'r Refined> {
+        let beside = |effect: usize, fit: Fit| {
+            let (freedom, score) = self.beyond(&rest.and(effect), &fit, rest);
+            Refined { effect, fit, freedom, score }
         };
-        let (near, others): (Vec<&Refined>, Vec<Refined>) = near.iter().filter_map(again).unzip();
-        let present = Refined { effect: candidate.effect, fit: with, freedom, score };
-        let scores = self.scores(&others, std::slice::from_ref(&present), likelihood(&without));
-        let better =
-            near.into_iter().zip(scores).filter_map(|(rival, score)| Some((rival, score.filter(|s| *s > present.score + EXCHANGE)?)));
-        let instead = better.max_by(|a, b| a.1.total_cmp(&b.1)).map(|(rival, _)| rival);
-        let rivals = of_the_last(effects.len(), self.beside(&selected.state, &raced.alone, candidate));
-        let state = State { effects, fit: present.fit };
-        Some(Held { selected: Selected { rivals, state, whitening, base, ranking: selected.ranking.clone() }, instead })
+        let again = |rival: &'r Refined| {
+            let (_, fit) = self.under(&rest.and(rival.effect), &rival.fit, &held.whitening.noise, COMPARING)?;
+            Some((rival, beside(rival.effect, fit)))
+        };
+        let (near, others): (Vec<&Refined>, Vec<Refined>) = near.into_iter().filter_map(again).unzip();
+        let present = beside(candidate.effect, held.state.fit.clone());
+        let scores = self.scores(&others, std::slice::from_ref(&present), rest.fit.likelihood(&self.setting));
+        let better = |(rival, score): (&'r Refined, Option<f64>)| Some((rival, score.filter(|s| *s > present.score + EXCHANGE)?));
+        near.into_iter().zip(scores).filter_map(better).max_by(|a, b| a.1.total_cmp(&b.1)).map(|(rival, _)| rival)
     }
 
     /// Whether a further effect takes a share worth naming off the misfit itself. Evidence says less of it where a misfit remains that

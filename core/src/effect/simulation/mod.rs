@@ -224,16 +224,16 @@ impl<'a> EffectSimulator<'a> {
         self.slots.plain
     }
 
-    /// Whether a step of a run had to be halved so far: something sets in within it, and differences of runs hang on where it does. Where nothing does they
-    /// are nearer to the run's own derivatives than tangents are.
-    pub fn has_kinks(&self) -> bool {
-        self.halved
-    }
-
     /// Whether they are along one of the effects' values: that of a force which acts throughout a stretch.
     pub fn has_tangent(&self, value: usize, stretch: &Stretch) -> bool {
         let at = |track| Instant::of_sample(stretch, 0, track, self.scene, self.readout);
         self.slots.plain && self.scene.tracks.first().is_some_and(|track| self.slots.of_force(value, &at(track)))
+    }
+
+    /// Whether a step of a run had to be halved so far: something sets in within it, and differences of runs hang on where it does. Where nothing does they
+    /// are nearer to the run's own derivatives than tangents are.
+    pub fn has_kinks(&self) -> bool {
+        self.halved
     }
 
     /// A [`run`](Self::run) with how its outputs change along directions, and then with each initial output: a vector an output of each.

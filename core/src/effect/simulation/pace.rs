@@ -1,4 +1,4 @@
-//! Where steps end, kept from a run for others near by: their differences are then those of the motion, not of where a step was halved.
+//! How finely a run is stepped, and where its steps end, kept for others near by: their differences are then those of the motion, not of where a step was halved.
 
 use std::ops::Range;
 

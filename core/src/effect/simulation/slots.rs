@@ -88,6 +88,12 @@ impl<'a> Slots<'a> {
         Self { slots, commands, bearings, loads, drives, looped, deceived, sensed, advancing, ahead, lasting, plain, abrupt, states }
     }
 
+    /// Whether the command that goes on changes within a step.
+    #[inline(always)]
+    pub(super) fn steers(&self) -> bool {
+        self.ahead || self.looped
+    }
+
     /// Replaces all values, given in the caller's order.
     pub(super) fn set(&mut self, values: &[f64]) {
         for slot in &mut self.slots {

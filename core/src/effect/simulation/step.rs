@@ -31,7 +31,7 @@ pub(super) struct Body {
     n1: Vec<f64>,
     next: Vec<f64>,
     u: Vec<f64>,
-    /// Commands of which the line through a step's start and its middle is the nearest to what arrives.
+    /// Commands of which the line through a step's start and its middle is the nearest to what arrives; where it is held, the one before.
     start: Vec<f64>,
     middle: Vec<f64>,
     travelled: Vec<f64>,
@@ -268,7 +268,7 @@ impl EffectSimulator<'_> {
     fn carry<const N: usize, const DIAGONAL: bool>(&mut self, at: &Instant<'_>, h: f64) -> Result<(), ModelError> {
         let Self { model, theta, slots, state, linear, body: b, tangents, .. } = self;
         let Some(tangents) = tangents else { return Ok(()) };
-        self.steps += tangents.effort();
+        self.steps += tangents.effort;
         let n = b.outputs::<N>();
         let middle = Instant { time: at.time + 0.5 * h, span: 0.0, step: h, ..*at };
         let along = Along {
@@ -294,7 +294,7 @@ impl EffectSimulator<'_> {
     #[inline(always)]
     fn keep(&mut self) {
         let Body { u, travelled, kept, .. } = &mut self.body;
-        if self.slots.ahead || self.slots.looped {
+        if self.slots.steers() {
             kept.u.copy_from_slice(u);
         }
         if self.readout == Readout::IntervalMean {
@@ -310,7 +310,7 @@ impl EffectSimulator<'_> {
     #[cold]
     fn restore(&mut self) {
         let Body { x, u, travelled, kept, .. } = &mut self.body;
-        if self.slots.ahead || self.slots.looped {
+        if self.slots.steers() {
             u.copy_from_slice(&kept.u);
         }
         if self.readout == Readout::IntervalMean {
@@ -375,7 +375,7 @@ impl EffectSimulator<'_> {
             held -= bent * by;
         }
         // Where commands or numbers of effects change within a step, what changes is not the outputs' doing alone.
-        let firm = if slots.ahead || slots.looped || slots.advancing { 0.0 } else { h * held };
+        let firm = if slots.steers() || slots.advancing { 0.0 } else { h * held };
         let share = if firm > moved { implicit(firm / moved, h * bend) } else { 1.0 };
         if share < 1.0 {
             nm.iter_mut().zip(n0.iter()).for_each(|(nm, n0)| *nm = n0 + share * (*nm - n0));
@@ -397,8 +397,8 @@ impl EffectSimulator<'_> {
         // The middle was reached by what acted at the start: where the right side hangs on the outputs it is another at the true one, by
         // hanging = reach √(bowed/moved).
         let reach = 0.25 * h * bend;
-        let abrupt = slots.abrupt || (slots.rubs() && nears_rest(&at.scene.frame, x, next));
-        if !abrupt && h * bend <= allowed && (h * reach).powi(2) * bowed <= allowed.powi(2) * moved {
+        let even = h * bend <= allowed && (h * reach).powi(2) * bowed <= allowed.powi(2) * moved;
+        if even && !slots.abrupt && !(slots.rubs() && nears_rest(&at.scene.frame, x, next)) {
             b.known = false;
             return Ok(0.0);
         }

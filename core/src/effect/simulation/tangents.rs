@@ -40,6 +40,8 @@ pub(super) struct Tangents<'a> {
     directions: Vec<Direction>,
     /// The effects along each of them, where they have other values there.
     moved: Vec<Option<Slots<'a>>>,
+    /// What carrying them along a step costs, in terms of a step.
+    pub(super) effort: u64,
     outputs: usize,
     /// Changes of the outputs now, one tangent after the other, and of the way since the last sample.
     now: Vec<f64>,
@@ -75,12 +77,14 @@ impl<'a> Tangents<'a> {
         let count = directions.len() + outputs;
         let mut now = vec![0.0; count * outputs];
         (0..outputs).for_each(|i| now[(directions.len() + i) * outputs + i] = 1.0);
+        let moved: Vec<Option<Slots<'a>>> = directions.iter().map(|direction| slots.moved(&direction.values)).collect();
         let first = |t: usize| (0..outputs).map(|i| Self::begun(rows, now[t * outputs + i])).collect();
         Self {
             series: (0..count).map(first).collect(),
             travelled: vec![0.0; now.len()],
             now,
-            moved: directions.iter().map(|direction| slots.moved(&direction.values)).collect(),
+            effort: EFFORT.0 + moved.iter().flatten().count() as u64 / EFFORT.1,
+            moved,
             directions: directions.to_vec(),
             outputs,
             slopes: vec![0.0; outputs * outputs],
@@ -97,11 +101,6 @@ impl<'a> Tangents<'a> {
         let mut series = Vec::with_capacity(rows);
         series.push(first);
         series
-    }
-
-    /// What carrying them along a step costs, in terms of a step.
-    pub(super) fn effort(&self) -> u64 {
-        EFFORT.0 + self.moved.iter().flatten().count() as u64 / EFFORT.1
     }
 
     /// Records a sample; `over` is the time since the last one where means over it are read.
