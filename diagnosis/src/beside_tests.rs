@@ -65,6 +65,10 @@ fn a_heading_that_agrees_says_nothing_and_one_that_does_not_tells_what_is_wrong(
     let error = middle(&found, &case.scene);
     assert!((error + 0.06).abs() < 0.004, "{error}");
     assert!(found.track.is_none());
+    // As far as what was measured lets it go is not as far as radii can differ.
+    let told = &found.radii.as_ref().unwrap().0.parameters(&case.scene)[0];
+    assert_eq!(told.usual.map(|(value, _)| value), Some(error));
+    assert!(told.extreme(told.bounds.0).is_none());
     assert!(ask(&case, Some(turned), None, "wheel_radius_mismatch").radii.is_none());
 
     // A track that is reckoned 7 % too narrow: velocities tell of more turning.

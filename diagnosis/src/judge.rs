@@ -14,11 +14,13 @@
 //! there, whatever its evidence on the training data: it stood in for the imperfect form of the others there. So does one against which they say more
 //! than the training data say for it: what both say together is its evidence.
 
+use std::cell::LazyCell;
+
 use wheelwright_core::Dataset;
 use wheelwright_core::effect::Scene;
 
 use crate::adequacy::Jitter;
-use crate::answer::{MENTIONED, always, clocks, mentioned, proven};
+use crate::answer::{MENTIONED, always, clocks, like_a_threshold, mentioned, proven};
 use crate::holdout::{Run, Runs, UNHURT, level, shifted};
 use crate::leeway::{Court, Leeway, Moved};
 use crate::noise::Noise;
@@ -71,6 +73,8 @@ fn exchanged(bench: &Bench<'_>, search: &Search<'_>, mut selected: Selected) -> 
     if !selected.rivals.iter().flatten().any(|r| r.gap - r.cost.max(0.0) < farthest) {
         return selected;
     }
+    let base = selected.plain();
+    let plain = LazyCell::new(|| bench.loss(search, &base));
     let mut known = None;
     let mut member = 0;
     for _ in 0..selected.state.effects.len() {
@@ -82,16 +86,20 @@ fn exchanged(bench: &Bench<'_>, search: &Search<'_>, mut selected: Selected) -> 
         // What the training data hold for worse has to be better on other data as it stands.
         let better = |r: &Rival| r.gap < farthest && bench.better(search, &r.state, &selected.state);
         let rivals: Vec<Rival> = rivals.into_iter().filter(|r| near_enough(r) || better(r)).collect();
-        let mut near = bench.contenders(search, &selected, rivals);
+        let near = bench.contenders(search, &selected, rivals);
         if near.is_empty() {
             selected.rivals[member] = same;
             member += 1;
             continue;
         }
         let own = *known.get_or_insert_with(|| bench.with_leeway(search, &selected.state));
+        // Of a threshold and a friction that look alike neither is exact near standstill: what differs by no more decides nothing between them.
+        let (alike, mut near): (Vec<_>, Vec<_>) =
+            near.into_iter().partition(|(loss, r)| like_a_threshold(found, search.effect(r.effect)) && inexact(*plain, own, *loss));
+        let alike = alike.into_iter().map(|(_, r)| r).filter(near_enough);
         let Some((loss, best)) = bench.preferred(&near, own).map(|i| near.remove(i)) else {
             let open = near.into_iter().filter(|(loss, r)| near_enough(r) && !bench.decisive(own, *loss)).map(|(_, r)| r);
-            selected.rivals[member] = open.chain(same).collect();
+            selected.rivals[member] = open.chain(alike).chain(same).collect();
             member += 1;
             continue;
         };
@@ -163,12 +171,13 @@ impl<'q> Bench<'q> {
         loss * (cost / self.values).exp()
     }
 
-    /// Rivals fitted to the end, each with the loss that it leaves. They were only fitted well enough to be ranked: what is left to the end counts on other
-    /// data as much as a cause does.
+    /// Rivals fitted to the end, as small as they can be, each with the loss that it leaves. They were only fitted well enough to be ranked: what is left to
+    /// the end counts on other data as much as a cause does.
     fn contenders(&self, search: &Search<'_>, selected: &Selected, rivals: Vec<Rival>) -> Vec<(f64, Rival)> {
         let to_the_end = |mut rival: Rival| {
-            if let Some((_, fit)) = search.under(&rival.state.effects, &rival.state.fit, &selected.whitening.noise, FINAL) {
-                rival.state.fit = fit;
+            if let Some((whitening, fit)) = search.under(&rival.state.effects, &rival.state.fit, &selected.whitening.noise, FINAL) {
+                let state = State { effects: rival.state.effects.clone(), fit };
+                rival.state = search.modest(Selected { state, whitening, ..selected.clone() }).state;
             }
             (self.with_leeway(search, &rival.state), rival)
         };
@@ -304,6 +313,11 @@ impl<'q> Bench<'q> {
     }
 }
 
+/// Whether two losses differ by no more than the form of a law is inexact, beside what the better one takes off that of the base model.
+fn inexact(plain: f64, a: f64, b: f64) -> bool {
+    (a / b).ln().abs() < SHARE * (plain / a.min(b)).ln()
+}
+
 fn least(losses: &[f64]) -> f64 {
     losses.iter().copied().fold(f64::INFINITY, f64::min)
 }
@@ -348,6 +362,12 @@ mod tests {
             });
         }
         assert!(seen > 0);
+    }
+
+    #[test]
+    fn what_forms_are_inexact_by_goes_by_what_is_explained() {
+        assert!(inexact(9.0, 1.0, 1.04) && inexact(9.0, 1.04, 1.0) && !inexact(9.0, 1.0, 1.05));
+        assert!(!inexact(1.3, 1.0, 1.04) && !inexact(0.9, 1.0, 1.0));
     }
 
     #[test]

@@ -87,11 +87,18 @@ pub(crate) fn always(a: &dyn Effect, b: &dyn Effect) -> Option<&'static Confusio
     confusion(a, b).filter(|c| c.because.starts_with(ALWAYS))
 }
 
+/// Whether one is a friction and the other a threshold that looks like it.
+pub(crate) fn like_a_threshold(a: &dyn Effect, b: &dyn Effect) -> bool {
+    let stages = [a.stage(), b.stage()];
+    stages.contains(&Stage::Threshold) && stages.contains(&Stage::Bearing) && confusion(a, b).is_some()
+}
+
 /// How much worse a rival may be in penalised evidence for these data to leave it so open: two frictions turn over near standstill each in its own
-/// way, and no model of them is exact there.
+/// way, and no model of them is exact there; nor is one of a threshold that looks like friction.
 fn reach(least: f64, found: &dyn Effect, rival: &dyn Effect, worth: f64) -> f64 {
     let frictions = found.stage() == Stage::Bearing && found.family() == rival.family();
-    if always(found, rival).is_some() || frictions { least.max(SHARE * worth) } else { least }
+    let inexact = frictions || like_a_threshold(found, rival);
+    if always(found, rival).is_some() || inexact { least.max(SHARE * worth) } else { least }
 }
 
 /// Whether a rival is near enough to be mentioned. Of two causes that are known to look alike the one does not take the other's place by
@@ -125,4 +132,21 @@ fn alternatives(search: &Search<'_>, found: &dyn Effect, worth: f64, rivals: &[R
         });
     }
     all
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{MENTIONED, like_a_threshold, reach};
+    use crate::effects::{ActuatorLag, CommandOffset, CoulombFriction, DeadZone, SlewLimit};
+
+    #[test]
+    fn near_standstill_no_law_is_exact() {
+        let threshold = DeadZone { subtracting: true, ..DeadZone::default() };
+        let friction = CoulombFriction::default();
+        assert!(like_a_threshold(&threshold, &friction) && like_a_threshold(&friction, &threshold));
+        assert!(!like_a_threshold(&threshold, &CommandOffset {}) && !like_a_threshold(&friction, &friction));
+        let within = |worth: f64| reach(MENTIONED, &threshold, &friction, worth);
+        assert!((within(3000.0) - 60.0).abs() < 1e-9 && within(100.0) == MENTIONED);
+        assert_eq!(reach(MENTIONED, &ActuatorLag::default(), &SlewLimit::default(), 3000.0), MENTIONED);
+    }
 }

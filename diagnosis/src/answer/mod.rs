@@ -19,7 +19,7 @@ use crate::screen::Response;
 use crate::select::{Search, Selected, State, TOLD};
 use crate::untestable;
 
-pub(crate) use findings::{AMBIGUOUS, MENTIONED, always, mentioned};
+pub(crate) use findings::{AMBIGUOUS, MENTIONED, always, like_a_threshold, mentioned};
 pub(crate) use proof::{clocks, proven};
 
 use findings::findings;

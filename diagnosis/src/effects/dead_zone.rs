@@ -117,6 +117,10 @@ impl Effect for DeadZone {
                 because: "a wheel that sticks until its command exceeds a threshold and a command that is withheld until then start alike",
             },
             Confusion {
+                with: "direction_asymmetry",
+                because: "while no wheel reverses, friction and a dead zone that subtracts take a constant off the command",
+            },
+            Confusion {
                 with: "command_offset",
                 because: "while no command changes its sign, a dead zone that subtracts takes a constant off",
             },

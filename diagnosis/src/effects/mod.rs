@@ -169,6 +169,7 @@ fn command_side() -> Vec<Box<dyn Effect>> {
         all.push(Box::new(SlewLimit { axis: Some(axis), ..SlewLimit::default() }));
         all.push(Box::new(DeadZone { axis: Some(axis), ..DeadZone::default() }));
         all.push(Box::new(VelocitySaturation { axis: Some(axis), ..VelocitySaturation::default() }));
+        all.push(Box::new(VelocitySaturation { axis: Some(axis), soft: true, ..VelocitySaturation::default() }));
     }
     for wheel in [Wheel::Left, Wheel::Right] {
         all.push(Box::new(DeadZone { wheel: Some(wheel), ..DeadZone::default() }));

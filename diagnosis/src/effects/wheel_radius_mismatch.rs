@@ -47,7 +47,7 @@ pub struct WheelRadiusMismatch {
     pub wheel: Option<Wheel>,
     /// Where the recorded speeds come from. Default `reading`.
     pub speeds: Speeds,
-    /// What a measurement beside the model's channels says of the error: bounds of its parameter.
+    /// What a measurement beside the model's channels says of the error: its parameter is usually in the middle, and three deviations of that from the ends.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub between: Option<(f64, f64)>,
 }
@@ -91,6 +91,10 @@ impl Effect for WheelRadiusMismatch {
 
     fn parameters(&self, scene: &Scene) -> Vec<EffectParameter> {
         let error = EffectParameter::new("mismatch", "1", self.between.unwrap_or((-0.5, 0.5)), 0.02).neutral(0.0);
+        let error = match self.between {
+            Some((low, high)) => error.usually(0.5 * (low + high), (high - low) / 6.0),
+            None => error,
+        };
         let error = match self.wheel {
             Some(wheel) => error.of("wheel", wheel.word()),
             None => error,

@@ -2,7 +2,8 @@
 //!
 //! A friction that holds a wheel at rest holds it at twice that size as well, and a search stops at whatever size it came upon. Other driving
 //! overcomes what is too large less often than it should. So where half of a parameter explains as much, though its derivative says otherwise, it
-//! goes down to where less would show, as far as the form of a law is exact.
+//! goes down to where less would show, as far as the form of a law is exact. So does a size of which the data show nothing at all, what a friction takes
+//! of a wheel backwards that never rolls backwards: where a search has left it far out, other driving cannot tell it what it should be.
 
 use super::{SHARE, Search, Selected};
 use crate::fit::algebra::Directions;
@@ -36,8 +37,10 @@ impl Search<'_> {
     fn least(&self, selected: &Selected, parameter: usize, neutral: f64) -> Option<Fit> {
         let (whitening, fit, unknown) = (&selected.whitening, &selected.state.fit, self.setting.free() + parameter);
         let size = fit.point.x[unknown] - neutral;
-        let variance = Directions::of(&fit.information(&self.setting)).inverse()[(unknown, unknown)];
-        if variance <= 0.0 || (0.5 * size).powi(2) < PROMISED * variance {
+        let information = fit.information(&self.setting);
+        let variance = Directions::of(&information).inverse()[(unknown, unknown)];
+        let hidden = size != 0.0 && size.powi(2) * information[(unknown, unknown)] < LOST;
+        if !hidden && (variance <= 0.0 || (0.5 * size).powi(2) < PROMISED * variance) {
             return None;
         }
         let at = |share: f64, lost: f64| {
@@ -51,7 +54,7 @@ impl Search<'_> {
             (fit.likelihood(&self.setting) - there.likelihood(&self.setting) < lost).then_some(there)
         };
         let mut found = at(0.5, LOST)?;
-        let lost = LOST.max(SHARE * selected.gained(&self.setting, fit));
+        let lost = if hidden { LOST } else { LOST.max(SHARE * selected.gained(&self.setting, fit)) };
         let (mut less, mut share) = (0.25, 0.5);
         for _ in 0..HALVINGS {
             let Some(there) = at(less, lost) else { break };
@@ -85,7 +88,7 @@ mod tests {
     /// What the forward command loses, of which more than this changes nothing.
     const ENOUGH: f64 = 0.05;
 
-    /// A loss that is full from a size on, but for a ripple that no data show: what steps of a simulation leave of a threshold.
+    /// A loss that is full from a size on, but for a ripple that no data show: what steps of a simulation leave of a threshold. And one beyond any command.
     #[derive(Debug, Clone, Default, Serialize, Deserialize)]
     struct Full;
 
@@ -104,11 +107,11 @@ mod tests {
         }
 
         fn parameters(&self, _: &Scene) -> Vec<EffectParameter> {
-            vec![EffectParameter::new("size", "m/s", (0.0, 10.0), 0.01).neutral(0.0)]
+            ["size", "beyond"].map(|name| EffectParameter::new(name, "m/s", (0.0, 10.0), 0.01).neutral(0.0)).into()
         }
 
         fn starts(&self, _: &Scene) -> Vec<Start> {
-            vec![Start { values: vec![ENOUGH], columns: vec![vec![0]], linear: false }]
+            vec![Start { values: vec![ENOUGH; 2], columns: vec![vec![0]], linear: false }]
         }
 
         fn statement(&self, _: &[Estimate], _: &Scene) -> String {
@@ -122,6 +125,9 @@ mod tests {
         fn command(&self, p: &[f64], _: &Instant<'_>, _: &[f64], _: &mut [f64], u: &mut [f64]) {
             // Without a command nothing is lost.
             u[0] -= (1e3 * u[0]).clamp(-1.0, 1.0) * p[0].min(ENOUGH) + 5e-5 * (50.0 * p[0]).sin();
+            if u[0].abs() > 1e3 {
+                u[0] -= p[1];
+            }
         }
     }
 
@@ -136,7 +142,7 @@ mod tests {
             let (whitening, fit) = search.under(&[0], &selected.state.fit, &noise, FINAL).unwrap();
             (selected.whitening, selected.base) = (whitening, search.under(&[], &selected.base, &noise, FINAL).unwrap().1);
             let mut point = fit.point;
-            *point.x.last_mut().unwrap() = 160.0 * ENOUGH;
+            point.x[search.setting.free()..].fill(160.0 * ENOUGH);
             let there = Effort { trials: 0, ..FOLLOWING };
             selected.state.fit = search.fitted_from(&[0], &point, &selected.whitening, there, true).unwrap();
             test(search, selected);
@@ -149,8 +155,10 @@ mod tests {
             let before = selected.state.fit.likelihood(&search.setting);
             let lost = SHARE * selected.gained(&search.setting, &selected.state.fit);
             let modest = search.modest(selected);
-            let size = *modest.state.fit.point.x.last().unwrap();
+            let [size, beyond] = modest.state.fit.point.x[search.setting.free()..] else { panic!() };
             assert!((0.8 * ENOUGH..1.1 * ENOUGH).contains(&size), "{size}");
+            // Of which nothing shows, hardly anything stays.
+            assert!(beyond < 0.1 * ENOUGH, "{beyond}");
             assert!(before - modest.state.fit.likelihood(&search.setting) < lost);
         });
     }

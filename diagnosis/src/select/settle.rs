@@ -184,7 +184,7 @@ impl<'a> Search<'a> {
                 rival.gap += wider_worth - worth;
                 rival.cost += self.penalty(freedom) - self.penalty(wider_freedom);
             }
-            Some(wider)
+            Some(self.modest(wider))
         };
         wide.into_iter().filter(|i| self.joins(*i, &rest.effects)).filter_map(placed).collect()
     }

@@ -122,6 +122,12 @@ fn a_soft_limit_bends_more_the_nearer_it_is() {
         let bent = |u: f64| u / (1.0 + (u.abs() / limit).powf(hardness)).powf(1.0 / hardness);
         let error = difference(&[&soft], &[limit, hardness], &[], [0.3, 0.2], |s, t, x| base(body(wheels(held(s, t)).map(bent)), x));
         assert!(error < 5e-5, "{limit} {hardness}: {error}");
+        let soft = VelocitySaturation { axis: Some(Axis::V), ..soft };
+        let error = difference(&[&soft], &[limit, hardness], &[], [0.3, 0.2], |s, t, x| {
+            let [v, w] = held(s, t);
+            base([bent(v), w], x)
+        });
+        assert!(error < 5e-5, "{limit} {hardness} of the forward command: {error}");
     }
 }
 
