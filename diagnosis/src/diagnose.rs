@@ -113,7 +113,7 @@ fn answer(question: &Question<'_>, read: Option<&Dataset>) -> Result<Diagnosis, 
     let round = story.search.goes_round(&story.selected.state);
     let given = if told.is_some() { "that which the wheels' rates tell" } else { "the profile's" };
     warnings.extend(another_track(question, likelier, asked, round, given));
-    story.selected = story.search.modest(story.selected);
+    story.selected.state = story.search.modest(story.selected.state, &story.selected.whitening, &story.selected.base);
     story.selected = judged(question, &story.search, story.selected, &story.responses);
     if let Some((prompt, late)) = story.search.prompt(&story.selected) {
         story.selected = prompt;

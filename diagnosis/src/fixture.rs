@@ -38,6 +38,13 @@ pub(crate) fn normal(random: &mut StdRng) -> f64 {
     (0..12).map(|_| random.random::<f64>()).sum::<f64>() - 6.0
 }
 
+/// How far the stamp of a row is off, in standard deviations: all its outputs have it.
+pub(crate) fn stamps(seed: u64) -> impl Fn(f64) -> f64 {
+    let mut random = StdRng::seed_from_u64(!seed);
+    let off: Vec<f64> = (0..2200).map(|_| normal(&mut random)).collect();
+    move |t| off[(t / 0.05).round() as usize]
+}
+
 impl Case {
     /// Random steps in both directions with standstills; `record(k, output, simulated, slope, random)` is what is recorded.
     pub(crate) fn new(seed: u64, mut record: impl FnMut(f64, usize, f64, f64, &mut StdRng) -> f64) -> Self {
@@ -95,6 +102,12 @@ impl Case {
     /// White noise on the truth and nothing else.
     pub(crate) fn clean(seed: u64) -> Self {
         Self::new(seed, |_, i, y, _, random| y + NOISE[i] * normal(random))
+    }
+
+    /// White noise, and stamps that are off by a standard deviation.
+    pub(crate) fn jittering(seed: u64, deviation: f64) -> Self {
+        let off = stamps(seed);
+        Self::new(seed, |t, i, y, slope, random| y + NOISE[i] * normal(random) + deviation * slope * off(t))
     }
 
     /// Hands the comparison to a test as a fit of the truth would, the base and `without` being the same run or another.

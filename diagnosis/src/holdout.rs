@@ -437,7 +437,7 @@ mod tests {
     #[test]
     fn stamps_that_jitter_scatter_more_where_more_changes() {
         let jitter = Jitter { of: Scatter::Stamps, deviation: 0.03, error: 0.0, z: 0.0, still: 1.0 };
-        let case = Case::new(7, |_, i, y, slope, random| y + NOISE[i] * normal(random) + jitter.deviation * slope * normal(random));
+        let case = Case::jittering(7, jitter.deviation);
         let of = |jitter| over(&case).loss(&NOISE, jitter);
         let calm = Case::clean(7);
         let usual = over(&calm).loss(&NOISE, None);

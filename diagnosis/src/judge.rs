@@ -80,9 +80,9 @@ fn exchanged(bench: &Bench<'_>, search: &Search<'_>, mut selected: Selected) -> 
     for _ in 0..selected.state.effects.len() {
         let Some(rivals) = selected.rivals.get_mut(member).map(std::mem::take) else { break };
         let found = search.effect(selected.state.effects[member]);
+        let near_enough = |r: &Rival| mentioned(found, search.effect(r.effect), r, explained);
         // The same mathematics under every drive differs by what nobody recorded before the first sample.
         let (same, rivals): (Vec<_>, Vec<_>) = rivals.into_iter().partition(|r| always(found, search.effect(r.effect)).is_some());
-        let near_enough = |r: &Rival| mentioned(found, search.effect(r.effect), r, explained);
         // What the training data hold for worse has to be better on other data as it stands.
         let better = |r: &Rival| r.gap < farthest && bench.better(search, &r.state, &selected.state);
         let rivals: Vec<Rival> = rivals.into_iter().filter(|r| near_enough(r) || better(r)).collect();
@@ -94,22 +94,18 @@ fn exchanged(bench: &Bench<'_>, search: &Search<'_>, mut selected: Selected) -> 
         }
         let own = *known.get_or_insert_with(|| bench.with_leeway(search, &selected.state));
         // Of a threshold and a friction that look alike neither is exact near standstill: what differs by no more decides nothing between them.
-        let (alike, mut near): (Vec<_>, Vec<_>) =
+        let (alike, mut others): (Vec<_>, Vec<_>) =
             near.into_iter().partition(|(loss, r)| like_a_threshold(found, search.effect(r.effect)) && inexact(*plain, own, *loss));
-        let alike = alike.into_iter().map(|(_, r)| r).filter(near_enough);
-        let Some((loss, best)) = bench.preferred(&near, own).map(|i| near.remove(i)) else {
-            let open = near.into_iter().filter(|(loss, r)| near_enough(r) && !bench.decisive(own, *loss)).map(|(_, r)| r);
-            selected.rivals[member] = open.chain(alike).chain(same).collect();
+        let Some((loss, best)) = bench.preferred(&others, own).map(|i| others.remove(i)) else {
+            let open = others.into_iter().filter(|(loss, _)| !bench.decisive(own, *loss)).chain(alike).map(|(_, r)| r);
+            selected.rivals[member] = open.filter(near_enough).chain(same).collect();
             member += 1;
             continue;
         };
-        near.iter_mut().for_each(|(_, r)| (r.gap, r.cost) = (r.gap - best.gap, r.cost - best.cost));
-        // What is the same under every drive stays beside it whatever these data say.
-        let same_as_it = |r: &Rival| always(search.effect(best.effect), search.effect(r.effect)).is_some();
-        let open = near.into_iter().filter(|(other, r)| near_enough(r) && (same_as_it(r) || !bench.decisive(loss, *other)));
+        others.extend(alike);
         // The one that came in stands last.
         selected.rivals.remove(member);
-        selected.rivals.push(open.map(|(_, r)| r).collect());
+        selected.rivals.push(bench.beside(search, (loss, &best), others, explained));
         known = Some(loss);
         selected.state = best.state;
         member = 0;
@@ -177,7 +173,7 @@ impl<'q> Bench<'q> {
         let to_the_end = |mut rival: Rival| {
             if let Some((whitening, fit)) = search.under(&rival.state.effects, &rival.state.fit, &selected.whitening.noise, FINAL) {
                 let state = State { effects: rival.state.effects.clone(), fit };
-                rival.state = search.modest(Selected { state, whitening, ..selected.clone() }).state;
+                rival.state = search.modest(state, &whitening, &selected.base);
             }
             (self.with_leeway(search, &rival.state), rival)
         };
@@ -190,6 +186,16 @@ impl<'q> Bench<'q> {
         let losses: Vec<f64> = rivals.iter().map(|(loss, _)| *loss).collect();
         let best = self.equals(&losses).min_by_key(|i| rivals[*i].1.effect)?;
         self.decisive(least(&losses), own).then_some(best)
+    }
+
+    /// What stays open of some rivals beside the one that took the member's place and leaves a loss, in a whole that explains so much.
+    fn beside(&self, search: &Search<'_>, (loss, best): (f64, &Rival), rivals: Vec<(f64, Rival)>, explained: f64) -> Vec<Rival> {
+        let found = search.effect(best.effect);
+        // What is the same under every drive stays beside it whatever these data say.
+        let same = |r: &Rival| always(found, search.effect(r.effect)).is_some();
+        let open = rivals.into_iter().filter(|(other, r)| same(r) || !self.decisive(loss, *other));
+        let moved = open.map(|(_, r)| Rival { gap: r.gap - best.gap, cost: r.cost - best.cost, ..r });
+        moved.filter(|r| mentioned(found, search.effect(r.effect), r, explained)).collect()
     }
 
     /// Which of some losses are the least, but for chance.
@@ -374,8 +380,7 @@ mod tests {
     fn one_that_stands_alone_may_go_where_stamps_jitter() {
         let library: Vec<Box<dyn Effect>> = vec![Box::new(CoulombFriction::default())];
         for deviation in [0.0, 0.03] {
-            let case =
-                |seed: u64| Case::new(seed, |_, i, y, slope, random| y + NOISE[i] * normal(random) + deviation * slope * normal(random));
+            let case = |seed: u64| Case::jittering(seed, deviation);
             let (training, held) = (case(3), case(4));
             with_selected(&training, &library, 1, |search, selected| {
                 let model = VwPdConfig::default().build().unwrap();

@@ -137,12 +137,13 @@ fn flags(found: &Adequacy, comparison: &Comparison<'_>, explained: f64) -> Vec<F
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::fixture::{Case, NOISE, normal};
+    use crate::fixture::{Case, NOISE, normal, stamps};
 
     #[test]
     fn stamps_that_are_off_by_what_any_timer_is_are_no_mismatch() {
         for (deviation, named) in [(0.0008, false), (0.003, true)] {
-            let mut case = Case::new(4, |_, i, y, slope, random| y + 0.05 * NOISE[i] * normal(random) + deviation * slope * normal(random));
+            let off = stamps(4);
+            let mut case = Case::new(4, |t, i, y, slope, random| y + 0.05 * NOISE[i] * normal(random) + deviation * slope * off(t));
             case.noise = NOISE.map(|noise| 0.05 * noise);
             let told = case.compare(None, |comparison| flags(&examine(comparison, 1), comparison, 0.0));
             let jitter = told.into_iter().find(|flag| flag.test == "variance against acceleration");

@@ -3,12 +3,17 @@
 //! A stamp that is wrong by ε moves a sample along the curve, y(t + ε) = y(t) + ẏ ε, so the residual's variance is s0² + σt² ẏ².
 //! Motion that the model misses grows with acceleration too, but goes on from one sample to the next, which stamps that are
 //! off by chance do not: products of neighbours are held against products of their slopes, and where they grow half as much as the squares
-//! it is no jitter. Rounding is loud as well where an output goes from step to step, and silent where it stays within one: behind little other noise only
+//! it is no jitter. And one stamp moves all outputs of its row, each by its own slope: products of two outputs of a row grow with those of their slopes as
+//! squares do with squares, where it is the stamp that is off, and not where each output has a misfit of its own (play, a wheel that is missed). Rounding is loud as well where an output goes from step to step, and silent where it stays within one: behind little other noise only
 //! rows count in which it goes by a step and more. Nor can stamps that stand in order be off, for sure, by more than their distance.
 
 use crate::comparison::Comparison;
 
 use super::bursts::FALSE_ALARM;
+
+/// Share of what squares tell that products of outputs have to tell as well, and the standard errors by which they are surely below all of it.
+const SHARED: f64 = 0.5;
+const BELOW: f64 = 2.0;
 
 /// Squared innovations are cut here, so that single outliers decide nothing.
 const CUT: f64 = 9.0;
@@ -63,41 +68,37 @@ pub(super) fn find(comparison: &Comparison<'_>) -> Option<Jitter> {
 
 /// The jitter that shows in the rows of an output, at a slope, that are looked at.
 fn found_where(comparison: &Comparison<'_>, looked_at: &dyn Fn(usize, f64) -> bool) -> Option<Jitter> {
-    let (mut squares, mut slopes, mut rows) = (Vec::new(), Vec::new(), Vec::new());
-    let (mut products, mut pairs) = (Vec::new(), Vec::new());
-    for output in 0..comparison.outputs() {
-        let plain = slopes_of(comparison, output, 0.0);
+    let seen_by = |output: usize| -> Seen {
+        let (slopes, residual) = (slopes_of(comparison, output, 0.0), left_of(comparison, output));
         let noise = comparison.noise[output];
-        let residual = left_of(comparison, output);
-        let seen: Vec<usize> = (0..plain.len()).filter(|k| looked_at(output, plain[*k])).collect();
-        // Both outputs speak of the same stamps: in units of their own noise they are one series.
-        squares.extend(seen.iter().map(|k| residual[*k] * residual[*k]));
-        slopes.extend(seen.iter().map(|k| (plain[*k] / noise).powi(2)));
-        for range in comparison.ranges() {
-            let neighbours = seen.windows(2).filter(|w| w[1] == w[0] + 1 && w.iter().all(|k| range.contains(k)));
-            for w in neighbours {
-                products.push(residual[w[0]] * residual[w[1]]);
-                pairs.push(plain[w[0]] * plain[w[1]] / (noise * noise));
-            }
-        }
-        rows.push(seen);
+        let rows = (0..slopes.len()).filter(|k| looked_at(output, slopes[*k])).collect();
+        Seen { rows, residual, slopes: slopes.iter().map(|s| s / noise).collect() }
+    };
+    let seen: Vec<Seen> = (0..comparison.outputs()).map(seen_by).collect();
+    // All outputs speak of the same stamps: in units of their own noise they are one series.
+    let (mut squares, mut slopes) = (Vec::new(), Vec::new());
+    for of in &seen {
+        squares.extend(of.rows.iter().map(|k| of.residual[*k].powi(2)));
+        slopes.extend(of.rows.iter().map(|k| of.slopes[*k].powi(2)));
     }
-    let Growth { still, variance, error } = growth(&squares, &slopes)?;
+    let grown = growth(&squares, &slopes)?;
+    let (Growth { still, .. }, neighbours) = (grown, Products::of_neighbours(comparison, &seen).growth(&grown));
+    let Growth { variance, error, .. } = grown.with(Products::of_outputs(&seen).growth(&grown))?;
     // Where the variance is jitter's. The few samples at which an output jumps say no more of that than others at which it is.
     let mut shares = slopes.iter().map(|x| variance * x / (still + variance * x));
-    let grown = |(output, seen): (usize, &Vec<usize>)| {
+    let correlated = |(output, seen): (usize, &Seen)| {
         let innovations = comparison.innovations(output);
-        let white: Vec<f64> = seen.iter().map(|k| innovations[*k].powi(2).min(CUT)).collect();
-        let shares: Vec<f64> = shares.by_ref().take(seen.len()).collect();
-        correlation(&white, &shares) * (seen.len() as f64).sqrt()
+        let white: Vec<f64> = seen.rows.iter().map(|k| innovations[*k].powi(2).min(CUT)).collect();
+        let shares: Vec<f64> = shares.by_ref().take(seen.rows.len()).collect();
+        correlation(&white, &shares) * (seen.rows.len() as f64).sqrt()
     };
-    let z: Vec<f64> = rows.iter().enumerate().filter(|(_, seen)| !seen.is_empty()).map(grown).collect();
+    let z: Vec<f64> = seen.iter().enumerate().filter(|(_, seen)| !seen.rows.is_empty()).map(correlated).collect();
     let combined = z.iter().sum::<f64>() / (z.len() as f64).sqrt();
     let limit = statrs::distribution::ContinuousCDF::inverse_cdf(&statrs::distribution::Normal::standard(), 1.0 - FALSE_ALARM);
     if combined < limit || z.iter().any(|z| *z < 0.0) {
         return None;
     }
-    let chance = growth_of_neighbours(&products, &pairs, variance) < 0.5 * variance;
+    let chance = neighbours.is_none_or(|n| n.variance < 0.5 * variance);
     let orderly = variance - SURE * error < comparison.scene.scales.period.powi(2);
     // Jitter is at home where an output changes fast, which may be seldom: what it makes counts where it makes it.
     let seen = variance * slopes.iter().map(|s| s * s).sum::<f64>() > COVERED * slopes.iter().sum::<f64>();
@@ -110,7 +111,15 @@ fn found_where(comparison: &Comparison<'_>, looked_at: &dyn Fn(usize, f64) -> bo
     })
 }
 
+/// Rows of an output that are looked at, and what is left of it and its slopes, both in units of its noise.
+struct Seen {
+    rows: Vec<usize>,
+    residual: Vec<f64>,
+    slopes: Vec<f64>,
+}
+
 /// A variance a + b x of residuals.
+#[derive(Debug, Clone, Copy)]
 pub(super) struct Growth {
     /// a.
     pub(super) still: f64,
@@ -150,20 +159,89 @@ pub(super) fn growth(squares: &[f64], slopes: &[f64]) -> Option<Growth> {
     Some(Growth { still: a, variance: b, error: error * heavier.sqrt().max(1.0) })
 }
 
-/// Regression of products of neighbouring residuals on products of their slopes, each in units of its own variance under `growth`.
-fn growth_of_neighbours(products: &[f64], slopes: &[f64], growth: f64) -> f64 {
-    let (mut ww, mut wx, mut xx, mut wy, mut xy) = (0.0, 0.0, 0.0, 0.0, 0.0);
-    for (y, x) in products.iter().zip(slopes) {
-        let w = 1.0 / (1.0 + growth * x.abs());
-        let (y, x) = ((y * w).clamp(-CUT, CUT), x * w);
-        ww += w * w;
-        wx += w * x;
-        xx += x * x;
-        wy += w * y;
-        xy += x * y;
+impl Growth {
+    /// The same by what products of outputs tell besides, if that does not contradict it.
+    fn with(self, products: Option<Shared>) -> Option<Self> {
+        let Some(products) = products else { return Some(self) };
+        if products.variance < SHARED * self.variance && products.variance + BELOW * products.error < self.variance {
+            return None;
+        }
+        let (own, other) = (self.error.powi(-2), products.error.powi(-2));
+        let variance = (own * self.variance + other * products.variance) / (own + other);
+        Some(Self { variance, error: (own + other).sqrt().recip(), ..self })
     }
-    let determinant = ww * xx - wx * wx;
-    if determinant > 0.0 { (ww * xy - wx * wy) / determinant } else { 0.0 }
+}
+
+/// By how much products of residuals grow with products of their slopes, and the standard error of that.
+struct Shared {
+    variance: f64,
+    error: f64,
+}
+
+/// Products of two residuals, and those of their slopes.
+#[derive(Default)]
+struct Products {
+    of_residuals: Vec<f64>,
+    of_slopes: Vec<f64>,
+}
+
+impl Products {
+    fn push(&mut self, (a, k): (&Seen, usize), (b, l): (&Seen, usize)) {
+        self.of_residuals.push(a.residual[k] * b.residual[l]);
+        self.of_slopes.push(a.slopes[k] * b.slopes[l]);
+    }
+
+    /// Those of neighbouring samples of an output.
+    fn of_neighbours(comparison: &Comparison<'_>, seen: &[Seen]) -> Self {
+        let mut all = Self::default();
+        for of in seen {
+            for range in comparison.ranges() {
+                let neighbours = of.rows.windows(2).filter(|w| w[1] == w[0] + 1 && w.iter().all(|k| range.contains(k)));
+                neighbours.for_each(|w| all.push((of, w[0]), (of, w[1])));
+            }
+        }
+        all
+    }
+
+    /// Those of two outputs in one row.
+    fn of_outputs(seen: &[Seen]) -> Self {
+        let mut all = Self::default();
+        for (i, a) in seen.iter().enumerate() {
+            for b in &seen[i + 1..] {
+                let both = a.rows.iter().filter(|k| b.rows.binary_search(k).is_ok());
+                both.for_each(|k| all.push((a, *k), (b, *k)));
+            }
+        }
+        all
+    }
+
+    /// Regression of the ones on the others, each in units of the variance that it has by what the squares tell. None where slopes do not
+    /// tell.
+    fn growth(&self, squares: &Growth) -> Option<Shared> {
+        let weighted = || {
+            let pairs = self.of_residuals.iter().zip(&self.of_slopes);
+            pairs.map(|(y, x)| {
+                let w = 1.0 / (squares.still + squares.variance * x.abs());
+                ((y * w).clamp(-CUT, CUT), x * w, w)
+            })
+        };
+        let (mut ww, mut wx, mut xx, mut wy, mut xy) = (0.0, 0.0, 0.0, 0.0, 0.0);
+        for (y, x, w) in weighted() {
+            ww += w * w;
+            wx += w * x;
+            xx += x * x;
+            wy += w * y;
+            xy += x * y;
+        }
+        let determinant = ww * xx - wx * wx;
+        if determinant <= 0.0 {
+            return None;
+        }
+        let (still, growth) = ((xx * wy - wx * xy) / determinant, (ww * xy - wx * wy) / determinant);
+        let left: f64 = weighted().map(|(y, x, w)| (y - still * w - growth * x).powi(2)).sum();
+        let error = (left / self.of_residuals.len() as f64 * ww / determinant).sqrt();
+        (error > 0.0).then_some(Shared { variance: growth, error })
+    }
 }
 
 impl Jitter {

@@ -142,7 +142,7 @@ mod tests {
     use rand::rngs::StdRng;
 
     use super::*;
-    use crate::fixture::{Case, NOISE, normal};
+    use crate::fixture::{Case, normal};
 
     /// How late commands come [s], and by how much that scatters.
     const LATE: f64 = 0.1;
@@ -187,7 +187,7 @@ mod tests {
             assert_eq!(found(&case(seed, |_, _, _| 0.0), &[LATE]), None, "{seed}: nothing scatters");
             let step = case(seed, |before, after, _| SCATTERS * (after - before).signum());
             assert_eq!(found(&step, &[LATE]), None, "{seed}");
-            let stamps = Case::new(seed, |_, i, y, slope, random| y + NOISE[i] * normal(random) + SCATTERS * slope * normal(random));
+            let stamps = Case::jittering(seed, SCATTERS);
             assert_eq!(found(&stamps, &[LATE]), None, "{seed}");
         }
     }

@@ -6,7 +6,7 @@ use wheelwright_core::simulation::Simulator;
 use wheelwright_models::VwPdConfig;
 
 use super::*;
-use crate::fixture::{Case, NOISE, RADIUS, THETA, TRACK, normal};
+use crate::fixture::{Case, NOISE, RADIUS, THETA, TRACK, normal, stamps};
 use crate::noise::whitener;
 
 #[test]
@@ -240,7 +240,7 @@ fn a_cogging_gear_is_a_line_at_its_order() {
 fn jittering_stamps_show_their_jitter() {
     let mut hits = 0;
     for seed in 0..10 {
-        let case = Case::new(seed, |_, i, y, slope, random| y + NOISE[i] * normal(random) + 0.015 * slope * normal(random));
+        let case = Case::jittering(seed, 0.015);
         if let Some(jitter) = case.compare(None, |c| examine(c, seed)).jitter {
             hits += usize::from((jitter.deviation - 0.015).abs() < 3.0 * jitter.error);
         }
@@ -252,7 +252,7 @@ fn jittering_stamps_show_their_jitter() {
 #[test]
 fn jitter_counts_where_it_scatters() {
     let jitters = |seed: u64| {
-        let case = Case::new(seed, |_, i, y, slope, random| y + NOISE[i] * normal(random) + 0.003 * slope * normal(random));
+        let case = Case::jittering(seed, 0.003);
         case.compare(None, |c| examine(c, seed)).jitter.is_some()
     };
     assert!((0..10).filter(|seed| jitters(*seed)).count() >= 9);
@@ -262,7 +262,7 @@ fn jitter_counts_where_it_scatters() {
 #[test]
 fn a_jump_does_not_hide_jitter() {
     let jitters = |seed: u64| {
-        let mut case = Case::new(seed, |_, i, y, slope, random| y + NOISE[i] * normal(random) + 0.015 * slope * normal(random));
+        let mut case = Case::jittering(seed, 0.015);
         for (run, stretch) in case.truth.iter_mut().zip(&mut case.data.stretches) {
             run.iter_mut().chain(&mut stretch.outputs).for_each(|series| series[400] += 3.0);
         }
@@ -275,7 +275,7 @@ fn a_jump_does_not_hide_jitter() {
 #[test]
 fn stamps_may_be_off_by_their_distance_and_not_by_twice_that() {
     let found = |share: f64, seed: u64| {
-        let case = Case::new(seed, |_, i, y, slope, random| y + NOISE[i] * normal(random) + 0.05 * share * slope * normal(random));
+        let case = Case::jittering(seed, 0.05 * share);
         case.compare(None, |c| examine(c, seed)).jitter.is_some()
     };
     assert!((0..10).filter(|seed| found(1.0, *seed)).count() >= 9);
@@ -360,10 +360,13 @@ fn readouts_that_happen_to_suit_the_track_are_no_counts() {
 fn a_readout_that_is_loud_in_motion_is_no_jitter() {
     let found = |deviation: f64| {
         let jitters = |seed: u64| {
-            let case = Case::new(seed, |_, i, y, slope, random| {
+            let off = stamps(seed);
+            let mut case = Case::new(seed, |t, i, y, slope, random| {
                 let step = 6.0 * NOISE[i];
-                ((y + deviation * slope * normal(random) + 0.4 * NOISE[i] * normal(random)) / step).round() * step
+                ((y + deviation * slope * off(t) + 0.4 * NOISE[i] * normal(random)) / step).round() * step
             });
+            // That of the readings, as a fit knows it.
+            case.noise = NOISE.map(|noise| noise * (0.4_f64.powi(2) + 6.0_f64.powi(2) / 12.0).sqrt());
             case.compare(None, |c| examine(c, seed)).jitter.is_some()
         };
         (0..6).filter(|seed| jitters(*seed)).count()
@@ -381,11 +384,25 @@ fn motion_that_is_missed_while_speeding_up_is_no_jitter() {
     }
 }
 
+/// A stamp moves all outputs of its row.
+#[test]
+fn what_scatters_in_each_output_by_itself_is_no_jitter() {
+    let by_itself = |seed: u64| Case::new(seed, |_, i, y, slope, random| y + NOISE[i] * normal(random) + 0.015 * slope * normal(random));
+    assert!((0..10).all(|seed| by_itself(seed).compare(None, |c| examine(c, seed)).jitter.is_none()));
+}
+
+/// As much less as two standard errors are of one output alone.
+#[test]
+fn both_outputs_tell_of_jitter_that_neither_is_sure_of() {
+    let jitters = |seed: u64| Case::jittering(seed, 0.0022).compare(None, |c| examine(c, seed)).jitter.is_some();
+    assert!((0..10).filter(|seed| jitters(*seed)).count() >= 9);
+}
+
 #[test]
 fn where_stamps_jitter_scatter_is_no_structure() {
     let mut significant = 0;
     for seed in 0..10 {
-        let case = Case::new(seed, |_, i, y, slope, random| y + NOISE[i] * normal(random) + 0.03 * slope * normal(random));
+        let case = Case::jittering(seed, 0.03);
         significant += usize::from(case.compare(None, |c| examine(c, seed)).structure.significant());
     }
     assert_eq!(significant, 0);

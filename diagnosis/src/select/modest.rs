@@ -5,9 +5,13 @@
 //! goes down to where less would show, as far as the form of a law is exact. So does a size of which the data show nothing at all, what a friction takes
 //! of a wheel backwards that never rolls backwards: where a search has left it far out, other driving cannot tell it what it should be.
 
-use super::{SHARE, Search, Selected};
+use nalgebra::DMatrix;
+
+use super::{SHARE, Search, State};
 use crate::fit::algebra::Directions;
 use crate::fit::search::{Effort, Fit, evaluate, maximise};
+use crate::fit::setting::Setting;
+use crate::fit::whitening::Whitening;
 
 /// Twice the log-likelihood that half of a parameter may lose: that of two standard deviations.
 const LOST: f64 = 4.0;
@@ -19,34 +23,62 @@ const FINER: usize = 3;
 /// How far the other unknowns follow.
 const FOLLOWING: Effort = Effort { trials: 8, worthwhile: 0.1, target: f64::NEG_INFINITY };
 
-impl Search<'_> {
-    /// The selection with parameters that can be less at no loss as small as they can be.
-    pub(crate) fn modest(&self, mut selected: Selected) -> Selected {
-        for (k, parameter) in self.parameters(&selected.state.effects).iter().enumerate().filter(|_| !self.setting.exhausted()) {
-            // A limit does nothing where it is infinite.
-            let Some(neutral) = parameter.neutral.filter(|n| n.is_finite() && parameter.usual.is_none()) else { continue };
-            if let Some(fit) = self.least(&selected, k, neutral) {
-                selected.state.fit = fit;
-            }
-        }
-        selected
+/// What the derivatives of a fit tell of its unknowns.
+struct Told {
+    information: DMatrix<f64>,
+    covariance: DMatrix<f64>,
+}
+
+impl Told {
+    fn by(fit: &Fit, setting: &Setting<'_>) -> Self {
+        let information = fit.information(setting);
+        let covariance = Directions::of(&information).inverse();
+        Self { information, covariance }
     }
 
-    /// The fit with an effects' parameter as near to where it does nothing as it can go, if it can go half of the way against its derivative's
-    /// promise.
-    fn least(&self, selected: &Selected, parameter: usize, neutral: f64) -> Option<Fit> {
-        let (whitening, fit, unknown) = (&selected.whitening, &selected.state.fit, self.setting.free() + parameter);
-        let size = fit.point.x[unknown] - neutral;
-        let information = fit.information(&self.setting);
-        let variance = Directions::of(&information).inverse()[(unknown, unknown)];
-        let hidden = size != 0.0 && size.powi(2) * information[(unknown, unknown)] < LOST;
-        if !hidden && (variance <= 0.0 || (0.5 * size).powi(2) < PROMISED * variance) {
-            return None;
+    /// Whether the data show nothing of an unknown of some size.
+    fn hides(&self, unknown: usize, size: f64) -> bool {
+        size != 0.0 && size.powi(2) * self.information[(unknown, unknown)] < LOST
+    }
+
+    /// Whether half of an unknown's size should show.
+    fn promises(&self, unknown: usize, size: f64) -> bool {
+        let variance = self.covariance[(unknown, unknown)];
+        variance > 0.0 && (0.5 * size).powi(2) >= PROMISED * variance
+    }
+}
+
+impl Search<'_> {
+    /// The state with parameters that can be less at no loss as small as they can be; the base fit is one under the same noise.
+    pub(crate) fn modest(&self, mut state: State, whitening: &Whitening, base: &Fit) -> State {
+        let told_by = |fit: &Fit| Told::by(fit, &self.setting);
+        let mut told = told_by(&state.fit);
+        for (k, parameter) in self.parameters(&state.effects).iter().enumerate().filter(|_| !self.setting.exhausted()) {
+            // A limit does nothing where it is infinite.
+            let Some(neutral) = parameter.neutral.filter(|n| n.is_finite() && parameter.usual.is_none()) else { continue };
+            let (unknown, size) = (self.setting.free() + k, state.fit.point.x[self.setting.free() + k] - neutral);
+            let hidden = told.hides(unknown, size);
+            if !hidden && !told.promises(unknown, size) {
+                continue;
+            }
+            let gained = state.fit.likelihood(&self.setting) - base.likelihood(&self.setting);
+            let most = if hidden { LOST } else { LOST.max(SHARE * gained) };
+            if let Some(fit) = self.least(&state, whitening, k, neutral, most) {
+                told = told_by(&fit);
+                state.fit = fit;
+            }
         }
+        state
+    }
+
+    /// The fit with an effects' parameter as near to where it does nothing as it can go for what may be lost at most, if it can go half of the way.
+    fn least(&self, state: &State, whitening: &Whitening, parameter: usize, neutral: f64, most: f64) -> Option<Fit> {
+        let (fit, unknown) = (&state.fit, self.setting.free() + parameter);
+        let size = fit.point.x[unknown] - neutral;
         let at = |share: f64, lost: f64| {
             let mut point = fit.point.clone();
             point.x[unknown] = neutral + share * size;
-            let mut runner = self.runner(&selected.state.effects, &point)?;
+            let mut runner = self.runner(&state.effects, &point)?;
             // The search would take it back to where it came from.
             runner.parameters[parameter].bounds = (point.x[unknown], point.x[unknown]);
             let there = evaluate(&self.setting, &mut runner, whitening, &point)?;
@@ -54,15 +86,14 @@ impl Search<'_> {
             (fit.likelihood(&self.setting) - there.likelihood(&self.setting) < lost).then_some(there)
         };
         let mut found = at(0.5, LOST)?;
-        let lost = if hidden { LOST } else { LOST.max(SHARE * selected.gained(&self.setting, fit)) };
         let (mut less, mut share) = (0.25, 0.5);
         for _ in 0..HALVINGS {
-            let Some(there) = at(less, lost) else { break };
+            let Some(there) = at(less, most) else { break };
             (found, less, share) = (there, 0.5 * less, less);
         }
         for _ in 0..FINER {
             let middle = 0.5 * (less + share);
-            match at(middle, lost) {
+            match at(middle, most) {
                 Some(there) => (found, share) = (there, middle),
                 None => less = middle,
             }
@@ -75,7 +106,6 @@ impl Search<'_> {
 mod tests {
     #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
-    use nalgebra::DMatrix;
     use serde::{Deserialize, Serialize};
     use wheelwright_core::Effect;
     use wheelwright_core::effect::{EffectParameter, Estimate, Instant, Scene, Stage, Start};
@@ -83,7 +113,7 @@ mod tests {
     use super::*;
     use crate::fixture::{Case, NOISE, normal, with_selected};
     use crate::noise::Noise;
-    use crate::select::FINAL;
+    use crate::select::{FINAL, Selected};
 
     /// What the forward command loses, of which more than this changes nothing.
     const ENOUGH: f64 = 0.05;
@@ -154,12 +184,12 @@ mod tests {
         with_too_much(|search, selected| {
             let before = selected.state.fit.likelihood(&search.setting);
             let lost = SHARE * selected.gained(&search.setting, &selected.state.fit);
-            let modest = search.modest(selected);
-            let [size, beyond] = modest.state.fit.point.x[search.setting.free()..] else { panic!() };
+            let modest = search.modest(selected.state, &selected.whitening, &selected.base);
+            let [size, beyond] = modest.fit.point.x[search.setting.free()..] else { panic!() };
             assert!((0.8 * ENOUGH..1.1 * ENOUGH).contains(&size), "{size}");
             // Of which nothing shows, hardly anything stays.
             assert!(beyond < 0.1 * ENOUGH, "{beyond}");
-            assert!(before - modest.state.fit.likelihood(&search.setting) < lost);
+            assert!(before - modest.fit.likelihood(&search.setting) < lost);
         });
     }
 

@@ -184,7 +184,8 @@ impl<'a> Search<'a> {
                 rival.gap += wider_worth - worth;
                 rival.cost += self.penalty(freedom) - self.penalty(wider_freedom);
             }
-            Some(self.modest(wider))
+            wider.state = self.modest(wider.state, &wider.whitening, &wider.base);
+            Some(wider)
         };
         wide.into_iter().filter(|i| self.joins(*i, &rest.effects)).filter_map(placed).collect()
     }
