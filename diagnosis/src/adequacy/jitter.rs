@@ -82,8 +82,8 @@ fn found_where(comparison: &Comparison<'_>, looked_at: &dyn Fn(usize, f64) -> bo
         slopes.extend(of.rows.iter().map(|k| of.slopes[*k].powi(2)));
     }
     let grown = growth(&squares, &slopes)?;
-    let (Growth { still, .. }, neighbours) = (grown, Products::of_neighbours(comparison, &seen).growth(&grown));
-    let Growth { variance, error, .. } = grown.with(Products::of_outputs(&seen).growth(&grown))?;
+    let (Growth { still, .. }, neighbours) = (grown, Products::of_neighbours(comparison, &seen).growth(grown.variance));
+    let Growth { variance, error, .. } = grown.with(Products::of_outputs(&seen).growth(grown.variance))?;
     // Where the variance is jitter's. The few samples at which an output jumps say no more of that than others at which it is.
     let mut shares = slopes.iter().map(|x| variance * x / (still + variance * x));
     let correlated = |(output, seen): (usize, &Seen)| {
@@ -215,13 +215,12 @@ impl Products {
         all
     }
 
-    /// Regression of the ones on the others, each in units of the variance that it has by what the squares tell. None where slopes do not
-    /// tell.
-    fn growth(&self, squares: &Growth) -> Option<Shared> {
+    /// Regression of the ones on the others, each in units of its own variance where that grows by so much. None where slopes do not tell.
+    fn growth(&self, variance: f64) -> Option<Shared> {
         let weighted = || {
             let pairs = self.of_residuals.iter().zip(&self.of_slopes);
             pairs.map(|(y, x)| {
-                let w = 1.0 / (squares.still + squares.variance * x.abs());
+                let w = 1.0 / (1.0 + variance * x.abs());
                 ((y * w).clamp(-CUT, CUT), x * w, w)
             })
         };

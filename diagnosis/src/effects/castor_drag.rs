@@ -8,7 +8,8 @@
 //! Its wheel resists rolling with a force F and its pivot swivelling with a moment S sgn δ' + D δ', of dry friction and of grease. By
 //! virtual power the body feels F sgn(roll) ∂roll/∂v + (S sgn δ' + D δ') ∂δ'/∂v against forward motion and ρ/h² times the same with ∂/∂ω
 //! against turning: the moment at the pivot is held by a force of the ground across the wheel. A stretch begins with the castor as steady
-//! motion at the first velocities would have it, and from rest as it was left there.
+//! motion at the first velocities would have it, and from rest as it was left there. With `soft` F comes up with the speed at which it rolls, as
+//! grease in its bearing and a soft floor have it: F r/√(r² + s²).
 //!
 //! `ball`: a ball or a pad that does not roll slides at (v, −d ω) and feels F against that: F v/√(v² + d² ω²) against forward motion and
 //! (ρ d²/h²) F ω/√(v² + d² ω²) against turning. It carries more of the weight while the robot speeds up, or less where it is ahead: F grows by τ v',
@@ -41,6 +42,9 @@ pub struct CastorDrag {
     /// What kind of castor drags. Default `swivel`.
     #[serde(default)]
     pub kind: CastorKind,
+    /// Whether a wheel's resistance to rolling comes up with its speed.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub soft: bool,
 }
 
 /// Places of the parameters, of a ball and of a swivelling castor.
@@ -50,7 +54,7 @@ const TRAIL: usize = 2;
 const SWIVEL: usize = 3;
 const DAMPING: usize = 4;
 const LEFT_AT: usize = 5;
-const RATIO: usize = 6;
+const COMES_UP: usize = 6;
 /// Place of what speeding up adds to a ball's share of the weight.
 const TRANSFER: usize = 2;
 /// Greatest height of the centre of mass over its distance from the axle, and what it comes to on most robots.
@@ -68,7 +72,7 @@ impl CastorDrag {
     /// Number of its parameters but for the turning ratio, which stands last.
     fn own(&self) -> usize {
         match self.kind {
-            CastorKind::Swivel | CastorKind::Leading => 6,
+            CastorKind::Swivel | CastorKind::Leading => COMES_UP + usize::from(self.soft),
             CastorKind::Ball => 3,
         }
     }
@@ -79,7 +83,8 @@ impl CastorDrag {
         let from = |(l, d): &(f64, f64)| Start {
             values: [drag, d * h, l * h, all[SWIVEL].scale, all[DAMPING].scale, 0.0]
                 .into_iter()
-                .chain(all.get(RATIO).map(|_| 1.0))
+                .chain(self.soft.then(|| all[COMES_UP].scale))
+                .chain(all.get(self.own()).map(|_| 1.0))
                 .collect(),
             columns: vec![vec![DRAG], vec![SWIVEL], vec![DAMPING]],
             linear: true,
@@ -96,6 +101,9 @@ impl Effect for CastorDrag {
 
     fn about(&self) -> String {
         match self.kind {
+            CastorKind::Swivel if self.soft => {
+                "the drag of a castor that swings round behind its pivot and comes up as it rolls faster".to_owned()
+            }
             CastorKind::Swivel => "the drag of a castor that swings round behind its pivot".to_owned(),
             CastorKind::Leading => "the drag of a castor ahead of the axle that swings round behind its pivot".to_owned(),
             CastorKind::Ball => "the drag of a castor that slides, such as a ball".to_owned(),
@@ -110,7 +118,8 @@ impl Effect for CastorDrag {
     }
 
     fn inapplicable(&self, scene: &Scene) -> Option<String> {
-        force::needs_wheels(scene)
+        let wheel = (self.soft && self.kind == CastorKind::Ball).then(|| "it is set to roll and to slide: it does one of them".to_owned());
+        wheel.or_else(|| force::needs_wheels(scene))
     }
 
     fn parameters(&self, scene: &Scene) -> Vec<EffectParameter> {
@@ -128,6 +137,7 @@ impl Effect for CastorDrag {
                 all.push(of("swivel_damping", units[1], moment * h / scene.scales.speed));
                 let any = (-std::f64::consts::PI, std::f64::consts::PI);
                 all.push(EffectParameter::new("left_at", "rad", any, 0.2).usually(0.0, LEFT).initially());
+                all.extend(self.soft.then(|| force::softness(scene)));
             }
             // Ahead or behind is one to a ball.
             CastorKind::Ball => {
@@ -169,10 +179,11 @@ impl Effect for CastorDrag {
         let away = super::words::scaled(distance, |d| d * distance.value.signum());
         match self.kind {
             CastorKind::Swivel | CastorKind::Leading => format!(
-                "a castor {} {place} the axle, trailing its pivot by {}, drags: rolling it along uses up {}, and its pivot {}; the model had no castor",
+                "a castor {} {place} the axle, trailing its pivot by {}, drags: rolling it along uses up {}{}, and its pivot {}; the model had no castor",
                 quantity(away, "m"),
                 quantity(values[TRAIL], "m"),
                 force::in_words(values[DRAG], scene),
+                force::comes_up(self.soft.then(|| values[COMES_UP])),
                 if values[SWIVEL].value + values[DAMPING].value > 0.0 { "resists swivelling" } else { "swivels freely" },
             ),
             CastorKind::Ball => format!(
@@ -181,6 +192,11 @@ impl Effect for CastorDrag {
                 force::in_words(values[DRAG], scene),
             ),
         }
+    }
+
+    /// Straight on what comes up with speed is the model's own: only a castor that was found is asked for it.
+    fn stands_in(&self) -> bool {
+        self.soft
     }
 
     /// As measured (`benches/stepping.rs`).
@@ -240,7 +256,8 @@ impl Effect for CastorDrag {
             return;
         }
         let (cos, sin) = (state[0] * state[0] - state[1] * state[1], 2.0 * state[0] * state[1]);
-        let drag = p[DRAG] * smooth_sign(v * cos - distance * w * sin, typical);
+        let rolls = v * cos - distance * w * sin;
+        let drag = p[DRAG] * if self.soft { rolls / length([rolls, p[COMES_UP]]) } else { smooth_sign(rolls, typical) };
         // ∂δ'/∂v and ∂δ'/∂ω times the trail: what the trailing wheel sweeps.
         let (by_v, by_w) = (-sin, -(distance * cos + p[TRAIL]));
         let sweep = by_v * v + by_w * w;

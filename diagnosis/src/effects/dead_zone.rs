@@ -1,5 +1,7 @@
 //! Small commands do nothing: U' = U where |U| ≥ d and 0 below, or U' = sgn U · max(|U| − d, 0), on each wheel or on an axis.
 //!
+//! With `holding` a command that has passed goes on passing until it is below a share r of the threshold, as a comparator with hysteresis has it.
+//!
 //! With `servo` it is a wheel's motor that does nothing, and not its command: of what its speed loop asks for, e = U − β s, s the wheel's speed
 //! and β its feedback, 1 or somewhat less, sgn e · min(|e|, d) is lost; where the loops are closed on forward and angular velocity, e is what both ask
 //! of the wheel (`force::asked`).
@@ -10,7 +12,7 @@ use wheelwright_core::effect::{Confusion, EffectParameter, Estimate, Instant, Mo
 
 use super::force::{self, Wheel};
 use super::parts::{Axis, Parts, shares};
-use super::words::{KINK, each, passage, quantity};
+use super::words::{KINK, each, passage, percent, quantity};
 
 /// A threshold in the command path: a drive that does not turn below some command, a joystick's or a controller's dead band.
 #[derive(Debug, Clone, Default, Serialize, Deserialize)]
@@ -28,7 +30,15 @@ pub struct DeadZone {
     /// In the loops' answer, not in their command.
     #[serde(skip_serializing_if = "std::ops::Not::not")]
     pub servo: bool,
+    /// Whether a command that has passed goes on passing below the threshold.
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    pub holding: bool,
 }
+
+/// Shares of the threshold down to which a command that has passed is tried to go on.
+const RELEASES: [f64; 2] = [0.7, 0.4];
+/// Thresholds that are tried with them, as shares of a typical command.
+const HOLDING: [f64; 4] = [0.1, 0.25, 0.5, 0.8];
 
 impl DeadZone {
     fn parts(&self, scene: &Scene) -> Parts {
@@ -43,7 +53,12 @@ impl Effect for DeadZone {
     }
 
     fn about(&self) -> String {
-        if self.servo { "motors do nothing below a threshold".to_owned() } else { "commands below a threshold do nothing".to_owned() }
+        let what = match (self.servo, self.holding) {
+            (true, _) => "motors do nothing below a threshold",
+            (_, true) => "commands below a threshold do nothing, until they have been above it",
+            _ => "commands below a threshold do nothing",
+        };
+        what.to_owned()
     }
 
     fn stage(&self) -> Stage {
@@ -60,6 +75,9 @@ impl Effect for DeadZone {
     }
 
     fn inapplicable(&self, scene: &Scene) -> Option<String> {
+        if self.holding && (self.servo || self.subtracting) {
+            return Some("it is set to two kinds of thresholds: it is one of them".to_owned());
+        }
         let looped = if self.servo { force::needs_loops(scene) } else { None };
         looped.or_else(|| Parts::refuse(scene.frame, self.wheel, self.axis))
     }
@@ -67,11 +85,19 @@ impl Effect for DeadZone {
     fn parameters(&self, scene: &Scene) -> Vec<EffectParameter> {
         let of = |p: super::parts::Part| p.parameter("threshold", &p.unit, (0.0, p.largest), 0.03 * p.typical).neutral(0.0);
         let loops = self.servo.then(|| force::loops(scene)).into_iter().flatten();
-        self.parts(scene).list(scene).into_iter().map(of).chain(loops).collect()
+        let release = self.holding.then(|| EffectParameter::new("release", "1", (0.0, 1.0), 0.1).neutral(1.0));
+        self.parts(scene).list(scene).into_iter().map(of).chain(loops).chain(release).collect()
     }
 
     fn starts(&self, scene: &Scene) -> Vec<Start> {
         let sizes: Vec<f64> = self.parts(scene).list(scene).iter().map(|p| p.typical).collect();
+        if self.holding {
+            let with = |mut start: Start, release: f64| {
+                start.values.push(release);
+                start
+            };
+            return shares(&sizes, &HOLDING).into_iter().flat_map(|start| RELEASES.map(|release| with(start.clone(), release))).collect();
+        }
         let mut all = shares(&sizes, &[0.02, 0.03, 0.045, 0.065, 0.09, 0.13, 0.18, 0.25, 0.35, 0.5, 0.6, 0.7, 0.82, 0.95, 1.1]);
         all.iter_mut().filter(|_| self.servo).for_each(|start| start.values.extend([1.0, 1.0]));
         all
@@ -79,7 +105,11 @@ impl Effect for DeadZone {
 
     fn statement(&self, values: &[Estimate], scene: &Scene) -> String {
         let parts = self.parts(scene).list(scene);
-        let rest = if self.subtracting { ", and larger ones lose as much" } else { "" };
+        let released = values.last().filter(|_| self.holding);
+        let rest = match released {
+            Some(share) => format!(", and once it moves for those below {} of that", percent(share.value)),
+            None => if self.subtracting { ", and larger ones lose as much" } else { "" }.to_owned(),
+        };
         if self.servo {
             let size = quantity(values[0], &parts[0].unit);
             return format!("a wheel's motor does not push before its speed is {size} off what it is told; the model's did at once");
@@ -100,6 +130,11 @@ impl Effect for DeadZone {
                 format!("{said}{rest}; the model had no dead zone")
             }
         }
+    }
+
+    /// What goes on passing looks like a threshold wherever commands come from far above it or from nothing.
+    fn stands_in(&self) -> bool {
+        self.holding
     }
 
     fn excitation(&self) -> &'static str {
@@ -128,16 +163,39 @@ impl Effect for DeadZone {
     }
 
     fn holds(&self) -> bool {
-        true
+        !self.holding
     }
 
-    fn command(&self, p: &[f64], at: &Instant<'_>, _outputs: &[f64], _state: &mut [f64], u: &mut [f64]) {
+    /// Of each part whether it passes.
+    fn states(&self, scene: &Scene) -> usize {
+        if self.holding { Parts::count(scene) } else { 0 }
+    }
+
+    fn begin(&self, p: &[f64], at: &Instant<'_>, inputs: &[f64], _outputs: &[f64], state: &mut [f64]) {
+        let parts = self.parts(at.scene);
+        state.fill(0.0);
+        parts.look(inputs, |(part, command)| {
+            if let (Some(state), Some(i)) = (state.get_mut(part), parts.parameter_of(part)) {
+                *state = f64::from(u8::from(command.abs() > p[i]));
+            }
+        });
+    }
+
+    fn command(&self, p: &[f64], at: &Instant<'_>, _outputs: &[f64], state: &mut [f64], u: &mut [f64]) {
         if self.servo {
             return;
         }
         let typical = at.scene.scales.command;
-        self.parts(at.scene).change(u, |_, i, command| {
-            let (size, threshold) = (command.abs(), p[i]);
+        self.parts(at.scene).change(u, |part, i, command| {
+            let size = command.abs();
+            let threshold = match (state.get_mut(part), p.last()) {
+                (Some(passes), Some(release)) => {
+                    let held_up_to = |passes: bool| if passes { release * p[i] } else { p[i] };
+                    *passes = f64::from(u8::from(size > held_up_to(*passes > 0.0)));
+                    held_up_to(*passes > 0.0)
+                }
+                _ => p[i],
+            };
             if threshold <= 0.0 {
                 command
             } else if self.subtracting {

@@ -55,12 +55,14 @@ mod moments;
 mod parts;
 mod payload_change;
 mod quadratic_drag;
+mod ramp;
 mod reading;
 mod rolling_resistance;
 mod root;
 mod sensor_delay;
 mod slew_limit;
 mod slope;
+mod soft;
 mod stribeck_friction;
 mod supply;
 mod timestamp_jitter;
@@ -142,14 +144,17 @@ fn command_side() -> Vec<Box<dyn Effect>> {
         Box::new(SlewLimit { slowing: true, ..SlewLimit::default() }),
         Box::new(SlewLimit { wheels: true, slowing: true, ..SlewLimit::default() }),
         Box::new(SlewLimit { settling: true, ..SlewLimit::default() }),
+        Box::new(SlewLimit { easing: true, ..SlewLimit::default() }),
         Box::new(DeadZone::default()),
         Box::new(DeadZone { servo: true, ..DeadZone::default() }),
+        Box::new(DeadZone { holding: true, ..DeadZone::default() }),
         Box::new(VelocitySaturation::default()),
         Box::new(VelocitySaturation { soft: true, ..VelocitySaturation::default() }),
         Box::new(VelocitySaturation { together: true, ..VelocitySaturation::default() }),
         Box::new(TorqueSaturation::default()),
         Box::new(TorqueSaturation { law: TorqueLaw::Power }),
         Box::new(TorqueSaturation { law: TorqueLaw::Axes }),
+        Box::new(TorqueSaturation { law: TorqueLaw::Soft }),
         Box::new(GainAsymmetry::default()),
         Box::new(GainAsymmetry { servo: true }),
         Box::new(BatterySag::default()),
@@ -227,9 +232,10 @@ fn dynamics() -> Vec<Box<dyn Effect>> {
         Box::new(TurningScrub { law: ScrubLaw::Patch }),
         Box::new(TurningScrub { law: ScrubLaw::Skid }),
         Box::new(TurningScrub { law: ScrubLaw::Understeer }),
-        Box::new(CastorDrag { kind: CastorKind::Swivel }),
-        Box::new(CastorDrag { kind: CastorKind::Leading }),
-        Box::new(CastorDrag { kind: CastorKind::Ball }),
+        Box::new(CastorDrag::default()),
+        Box::new(CastorDrag { kind: CastorKind::Leading, ..CastorDrag::default() }),
+        Box::new(CastorDrag { kind: CastorKind::Ball, ..CastorDrag::default() }),
+        Box::new(CastorDrag { soft: true, ..CastorDrag::default() }),
         Box::new(Slope {}),
         Box::new(PayloadChange::default()),
         Box::new(PayloadChange { law: LoadLaw::Undone }),

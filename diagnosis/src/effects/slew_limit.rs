@@ -5,12 +5,16 @@
 //! falls at another multiple of that rate.
 //!
 //! With `settling`, it comes to its goal gently: U'̇ = clip((U − U')/τ, ±a), a follower of first order whose rate is limited.
+//!
+//! With `easing`, it sets out and arrives gently: |U''̇| ≤ a/τ besides, the ramp in the shape of an S that motion profiles and velocity smoothers have.
+//! It goes the quickest way to rest on its goal.
 
 use serde::{Deserialize, Serialize};
 use wheelwright_core::Effect;
 use wheelwright_core::effect::{Confusion, EffectParameter, Estimate, Instant, Scene, Stage, Start};
 
 use super::parts::{Axis, Part, Parts, part_by_part};
+use super::ramp::{Eased, leg, ramped, settled};
 use super::words::{each, quantity};
 
 /// A ramp in the command path, as drivers and motor controllers have it.
@@ -29,11 +33,14 @@ pub struct SlewLimit {
     /// Coming to rest on its goal with a time constant.
     #[serde(skip_serializing_if = "std::ops::Not::not")]
     pub settling: bool,
+    /// With a limit of jerk: its rate comes up, and down to rest on its goal, within a time.
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    pub easing: bool,
 }
 
-/// Time constants with which commands settle, at most and at first \[s\].
+/// Times in which commands settle or their rate comes up, at most and at first \[s\].
 const LONGEST: f64 = 2.0;
-const SETTLING: [f64; 2] = [0.1, 0.5];
+const GENTLY: [f64; 2] = [0.1, 0.5];
 
 /// Rates that are tried where slowing down has its own, in sizes of the command a second, and how many times as fast it is.
 const SPEEDING: [f64; 5] = [0.25, 0.6, 1.5, 4.0, 10.0];
@@ -46,6 +53,16 @@ const REVERSING: (f64, f64) = (0.05, 20.0);
 impl SlewLimit {
     fn parts(&self, scene: &Scene) -> Parts {
         if self.wheels { Parts::of(scene.frame, None, None) } else { Parts::axes(scene.frame, self.axis) }
+    }
+
+    /// Whether it has a time besides its rates.
+    fn gentle(&self) -> bool {
+        self.settling || self.easing
+    }
+
+    /// Numbers of state of each part: where the command is, where it was told to go, and how fast it changes.
+    fn numbers(&self) -> usize {
+        if self.easing { 3 } else { 2 }
     }
 }
 
@@ -62,36 +79,6 @@ fn rates(p: &[f64], slowing: bool, i: usize) -> [f64; 3] {
     [p[i], p[parts + i], p[parts + i] * p[2 * parts + i]]
 }
 
-/// Where a command is after a time on its way to a goal on which it settles.
-fn settled(from: f64, to: f64, rate: f64, time_constant: f64, span: f64) -> f64 {
-    let far = (to - from).abs();
-    let ramp = (far / rate - time_constant).max(0.0);
-    if span < ramp {
-        return from + (rate * span).copysign(to - from);
-    }
-    let left = if time_constant > 0.0 { far.min(rate * time_constant) * (-(span - ramp) / time_constant).exp() } else { 0.0 };
-    to - left.copysign(to - from)
-}
-
-/// How far a command goes on its way before its rate changes, and which of the rates it has until then.
-fn leg(from: f64, to: f64, rates: [f64; 3]) -> (f64, f64) {
-    if from * to < 0.0 { (0.0, rates[2]) } else { (to, rates[usize::from(to.abs() < from.abs())]) }
-}
-
-/// Where a command is after a time on its way.
-fn ramped(from: f64, to: f64, rates: [f64; 3], span: f64) -> f64 {
-    let (end, rate) = leg(from, to, rates);
-    let way = (end - from).abs();
-    if way > rate * span {
-        from + (rate * span).copysign(end - from)
-    } else if end == to {
-        to
-    } else {
-        // On from zero.
-        (rates[0] * (span - way / rate)).min(to.abs()).copysign(to)
-    }
-}
-
 #[typetag::serde(name = "slew_limit")]
 impl Effect for SlewLimit {
     fn name(&self) -> &str {
@@ -99,9 +86,10 @@ impl Effect for SlewLimit {
     }
 
     fn about(&self) -> String {
-        let how = match (self.slowing, self.settling) {
-            (true, _) => "the rates at which they grow and fall are limited apart",
-            (_, true) => "their rate of change is limited, and they settle on their goal",
+        let how = match (self.slowing, self.settling, self.easing) {
+            (true, ..) => "the rates at which they grow and fall are limited apart",
+            (_, true, _) => "their rate of change is limited, and they settle on their goal",
+            (.., true) => "their rate of change is limited, and how fast it comes up and down",
             _ => "their rate of change is limited",
         };
         format!("commands are ramped: {how}")
@@ -124,8 +112,10 @@ impl Effect for SlewLimit {
         if self.wheels && self.axis.is_some() {
             return Some("it is set to the wheels and to an axis: it acts on one of them".to_owned());
         }
-        if self.slowing && self.settling {
-            return Some("it is set to slow down at a rate of its own and to settle: it does one of them".to_owned());
+        if [self.slowing, self.settling, self.easing].into_iter().filter(|set| *set).count() > 1 {
+            return Some(
+                "it is set to more than one of slowing down at a rate of its own, settling and easing: it does one of them".to_owned(),
+            );
         }
         Parts::refuse(scene.frame, None, self.axis)
     }
@@ -137,8 +127,9 @@ impl Effect for SlewLimit {
             |name: &str, p: &Part| p.parameter(name, &unit(p), (lowest * p.typical, f64::INFINITY), 0.3 * p.typical).neutral(f64::INFINITY);
         let parts = self.parts(scene).list(scene);
         let mut all: Vec<EffectParameter> = parts.iter().map(|p| of("rate", p)).collect();
-        if self.settling {
-            all.push(EffectParameter::new("settling_time", "s", (0.0, LONGEST), 0.1).neutral(0.0));
+        if self.gentle() {
+            let name = if self.easing { "rising_time" } else { "settling_time" };
+            all.push(EffectParameter::new(name, "s", (0.0, LONGEST), 0.1).neutral(0.0));
         }
         if self.slowing {
             all.extend(parts.iter().map(|p| of("slowing_rate", p)));
@@ -150,13 +141,13 @@ impl Effect for SlewLimit {
     fn starts(&self, scene: &Scene) -> Vec<Start> {
         let sizes: Vec<f64> = self.parts(scene).list(scene).iter().map(|p| p.typical).collect();
         let n = sizes.len();
-        if self.settling {
+        if self.gentle() {
             let at = |share: f64, time: f64| Start {
                 values: sizes.iter().map(|size| share * size).chain([time]).collect(),
                 columns: (0..n).map(|i| vec![i]).collect(),
                 linear: false,
             };
-            return SPEEDING.iter().flat_map(|share| SETTLING.map(|time| at(*share, time))).collect();
+            return SPEEDING.iter().flat_map(|share| GENTLY.map(|time| at(*share, time))).collect();
         }
         if self.slowing {
             let at = |share: f64, times: f64| Start {
@@ -184,8 +175,9 @@ impl Effect for SlewLimit {
             })
         };
         let said = match values.chunks(parts.len()).collect::<Vec<_>>()[..] {
-            [rates, settling] if self.settling => {
-                format!("{}, and settles with a time constant of {}", of(rates, "changes"), quantity(settling[0], "s"))
+            [rates, time] if self.gentle() => {
+                let gently = if self.easing { "comes up to that and down again within" } else { "settles with a time constant of" };
+                format!("{}, and {gently} {}", of(rates, "changes"), quantity(time[0], "s"))
             }
             [up, down, reversing] => {
                 let back = |v: &Estimate| format!("{} times as fast", quantity(*v, "1"));
@@ -197,9 +189,9 @@ impl Effect for SlewLimit {
         format!("{said}; the model had no ramp")
     }
 
-    /// One whose rate is no limit is a lag: only a ramp that was found may settle.
+    /// One whose rate is no limit is a lag: only a ramp that was found may settle, or ease.
     fn stands_in(&self) -> bool {
-        self.settling
+        self.gentle()
     }
 
     fn excitation(&self) -> &'static str {
@@ -217,19 +209,20 @@ impl Effect for SlewLimit {
         ]
     }
 
-    /// Where the command is, and where it was told to go, of each part.
     fn states(&self, scene: &Scene) -> usize {
-        2 * Parts::count(scene)
+        self.numbers() * Parts::count(scene)
     }
 
     fn begin(&self, _p: &[f64], at: &Instant<'_>, inputs: &[f64], _outputs: &[f64], state: &mut [f64]) {
-        self.parts(at.scene).look(inputs, |(i, command)| state[2 * i..2 * i + 2].fill(command));
+        state.fill(0.0);
+        let n = self.numbers();
+        self.parts(at.scene).look(inputs, |(i, command)| state[n * i..n * i + 2].fill(command));
     }
 
-    /// A ramp ends where it reaches its goal, and turns from slowing down to speeding up where it passes through zero.
+    /// A ramp ends where it reaches its goal, and turns from slowing down to speeding up where it passes through zero; one that eases has three legs.
     fn next_switch(&self, p: &[f64], at: &Instant<'_>, state: &[f64]) -> f64 {
         let parts = self.parts(at.scene);
-        let acted_on = state.chunks_exact(2).enumerate().filter_map(|(i, s)| Some((parts.parameter_of(i)?, s)));
+        let acted_on = state.chunks_exact(self.numbers()).enumerate().filter_map(|(i, s)| Some((parts.parameter_of(i)?, s)));
         let later = |t: &f64| *t > at.time + 1e-9 * at.scene.scales.period;
         if self.settling {
             let (time, scales) = (p[p.len() - 1], &at.scene.scales.inputs);
@@ -247,6 +240,10 @@ impl Effect for SlewLimit {
             };
             return acted_on.map(next).filter(later).fold(f64::INFINITY, f64::min);
         }
+        if self.easing {
+            let ends = |(i, s): (usize, &[f64])| Eased::new([s[0], s[2]], s[1], p[i], p[p.len() - 1]).ends().map(|end| at.time + end);
+            return acted_on.flat_map(ends).filter(later).fold(f64::INFINITY, f64::min);
+        }
         let ends = acted_on.flat_map(|(i, s)| {
             let rates = rates(p, self.slowing, i);
             let (turn, rate) = if self.slowing { leg(s[0], s[1], rates) } else { (s[1], rates[0]) };
@@ -258,14 +255,21 @@ impl Effect for SlewLimit {
     }
 
     fn command(&self, p: &[f64], at: &Instant<'_>, _outputs: &[f64], state: &mut [f64], u: &mut [f64]) {
+        let n = self.numbers();
         self.parts(at.scene).change(u, |part, i, goal| {
-            let from = state[2 * part];
-            let there = match self.settling {
-                true => settled(from, goal, p[i], p[p.len() - 1], at.span),
-                false => ramped(from, goal, rates(p, self.slowing, i), at.span),
+            let own = &mut state[n * part..n * (part + 1)];
+            let (from, time) = (own[0], p[p.len() - 1]);
+            own[0] = if self.easing {
+                let [there, pace] = Eased::new([from, own[2]], goal, p[i], time).after(at.span);
+                own[2] = pace;
+                there
+            } else if self.settling {
+                settled(from, goal, p[i], time, at.span)
+            } else {
+                ramped(from, goal, rates(p, self.slowing, i), at.span)
             };
-            state[2 * part..2 * part + 2].copy_from_slice(&[there, goal]);
-            there
+            own[1] = goal;
+            own[0]
         });
     }
 }

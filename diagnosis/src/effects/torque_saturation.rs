@@ -1,11 +1,12 @@
 //! The force of a drive is limited: what a wheel's loop asks for, |U − (1 + κ) s|, or what is left of the voltage to accelerate, is cut
-//! at m; a limit of power cuts it at m s_b/|s| where a wheel is faster than s_b.
+//! at m; a limit of power cuts it at m s_b/|s| where a wheel is faster than s_b; iron that saturates bends it, e (1 + |e/m|^p)^(−1/p).
 
 use serde::{Deserialize, Serialize};
 use wheelwright_core::Effect;
 use wheelwright_core::effect::{Confusion, EffectParameter, Estimate, Frame, Instant, Motion, Scene, Stage, Start};
 
 use super::force;
+use super::soft::{HARD, bent, hardness};
 use super::words::quantity;
 
 /// A limit of current or torque.
@@ -22,6 +23,8 @@ use super::words::quantity;
 ///
 /// A controller of forward and angular velocity may limit what it asks of either axis, whatever that comes to at a wheel: with the law `axes`
 /// |v_ref − v| and |ω_ref − ω| are cut, each at a limit of its own.
+///
+/// The iron of a motor saturates gradually: with the law `soft` what a wheel's loop asks for bends towards the limit, the harder the greater p.
 ///
 /// A driver or an engine may have no more than some power to give: with the law `power` the limit at a wheel is m up to a base speed s_b and m s_b/|s|
 /// above it, constant torque and then constant power.
@@ -44,11 +47,15 @@ pub enum TorqueLaw {
     Power,
     /// What is asked of each axis.
     Axes,
+    /// What each wheel's drive pulls, gradually.
+    Soft,
 }
 
 /// Base speeds that are tried, as shares of a typical speed, and limits up to them, as shares of a typical command.
 const BASES: [f64; 2] = [0.25, 0.7];
 const UP_TO_THEM: [f64; 2] = [0.3, 1.0];
+/// Soft limits that are tried, as shares of a typical command.
+const SOFT: [f64; 4] = [0.15, 0.4, 1.0, 2.0];
 /// Back-EMF in terms of a loop's gain on most robots: what their speed falls short of the command.
 const BACK_EMF: f64 = 0.05;
 /// Share of a robot's inertia that is its loops' derivative part on most robots that have one, and the most that may be: a loop in steps whose derivative part
@@ -66,6 +73,12 @@ fn powers(scene: &Scene) -> Vec<Start> {
     BASES.iter().flat_map(|base| UP_TO_THEM.map(|limit| at(limit, *base))).collect()
 }
 
+/// Where a soft limit is tried.
+fn soft(scene: &Scene) -> Vec<Start> {
+    let at = |limit: f64| Start { values: vec![limit * scene.scales.command, 1.0, 0.0, 0.0, HARD], columns: vec![vec![0]], linear: false };
+    SOFT.map(at).into()
+}
+
 #[typetag::serde(name = "torque_saturation")]
 impl Effect for TorqueSaturation {
     fn name(&self) -> &str {
@@ -77,6 +90,7 @@ impl Effect for TorqueSaturation {
             TorqueLaw::Wheels => "the drives' force is limited",
             TorqueLaw::Power => "the drives' force and power are limited",
             TorqueLaw::Axes => "what drives forwards and what turns are limited",
+            TorqueLaw::Soft => "the drives' force bends towards a limit",
         };
         limited.to_owned()
     }
@@ -116,6 +130,7 @@ impl Effect for TorqueSaturation {
                     let speed = scene.scales.speed;
                     all.push(EffectParameter::new("base_speed", "m/s", (0.01 * speed, f64::INFINITY), 0.1 * speed));
                 }
+                all.extend((self.law == TorqueLaw::Soft).then(hardness));
                 all
             }
             Frame::Sides { .. } => vec![limit("limit", &scene.inputs[0].unit, typical)],
@@ -126,8 +141,10 @@ impl Effect for TorqueSaturation {
     }
 
     fn starts(&self, scene: &Scene) -> Vec<Start> {
-        if self.law == TorqueLaw::Power {
-            return powers(scene);
+        match self.law {
+            TorqueLaw::Power => return powers(scene),
+            TorqueLaw::Soft => return soft(scene),
+            TorqueLaw::Wheels | TorqueLaw::Axes => (),
         }
         let by_wheel = self.law == TorqueLaw::Wheels;
         let (wheels, n) = (matches!(scene.frame, Frame::Body { .. }) && by_wheel, scene.inputs.len());
@@ -156,6 +173,7 @@ impl Effect for TorqueSaturation {
                 "a wheel's drive pulls no harder than for a lack of {} of speed{}; the model had no limit of torque or current",
                 quantity(values[0], "m/s"),
                 match values.get(4) {
+                    Some(_) if self.law == TorqueLaw::Soft => ", towards which it bends".to_owned(),
                     Some(base) => format!(", and above {} as much less as it turns faster: its power is limited", quantity(*base, "m/s")),
                     None => String::new(),
                 }
@@ -194,7 +212,10 @@ impl Effect for TorqueSaturation {
     }
 
     fn drive(&self, p: &[f64], at: &Instant<'_>, motion: &Motion<'_>, _state: &[f64], drive: &mut [f64]) {
-        let excess = |value: f64, limit: f64| value - value.clamp(-limit.abs(), limit.abs());
+        let hardness = p.last().copied().filter(|_| self.law == TorqueLaw::Soft);
+        let excess = |value: f64, limit: f64| {
+            value - hardness.map_or_else(|| value.clamp(-limit.abs(), limit.abs()), |hardness| bent(value, limit, hardness))
+        };
         let frame = at.scene.frame;
         match frame {
             Frame::Body { .. } if self.law == TorqueLaw::Axes => {
@@ -206,7 +227,8 @@ impl Effect for TorqueSaturation {
                 let (rho, back_emf, derivative) = (p[1], p[2], p[3]);
                 let lack = [0, 1].map(|axis| motion.u[axis] - motion.outputs[axis]);
                 let (asked, driven, speeds) = (frame.at_wheels(&lack, rho), frame.at_wheels(drive, rho), frame.wheels(motion.outputs));
-                let limit = |side: usize| p.get(4).map_or(p[0], |base| p[0] * (base / speeds[side].abs()).min(1.0));
+                let base = p.get(4).filter(|_| self.law == TorqueLaw::Power);
+                let limit = |side: usize| base.map_or(p[0], |base| p[0] * (base / speeds[side].abs()).min(1.0));
                 let pulled = |side: usize| asked[side] - back_emf * speeds[side] - derivative * driven[side];
                 let cut = [0, 1].map(|side| -excess(pulled(side), limit(side)) / (1.0 - derivative));
                 frame.add_at_wheels(cut, rho, drive);

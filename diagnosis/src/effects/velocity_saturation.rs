@@ -15,6 +15,7 @@ use wheelwright_core::effect::{Confusion, EffectParameter, Estimate, Instant, Sc
 
 use super::force::{self, Wheel};
 use super::parts::{Axis, Parts, shares};
+use super::soft::{HARD, bent, hardness};
 use super::words::{digits, each, quantity};
 
 /// A limit of the commanded speed (or voltage). Drives limit wheels; velocity interfaces such as ROS' `diff_drive_controller`
@@ -39,9 +40,6 @@ pub struct VelocitySaturation {
     pub recorded: bool,
 }
 
-/// How hard a soft limit may be, and is at first: below, it is a drag in proportion to speed's square; above, it is a limit.
-const HARDNESS: (f64, f64) = (1.5, 12.0);
-const HARD: f64 = 3.0;
 /// Limits that are tried, as shares of the largest command.
 const SHARES: [f64; 9] = [0.95, 0.88, 0.8, 0.72, 0.64, 0.55, 0.45, 0.35, 0.25];
 /// The same of soft ones, which take off below and beyond.
@@ -100,8 +98,7 @@ impl Effect for VelocitySaturation {
         let of = |p: super::parts::Part| {
             p.parameter("limit", &p.unit, (0.05 * p.largest, f64::INFINITY), 0.05 * p.largest).neutral(f64::INFINITY)
         };
-        let hardness = self.soft.then(|| EffectParameter::new("hardness", "1", HARDNESS, 0.5));
-        self.parts(scene).list(scene).into_iter().map(of).chain(hardness).collect()
+        self.parts(scene).list(scene).into_iter().map(of).chain(self.soft.then(hardness)).collect()
     }
 
     fn starts(&self, scene: &Scene) -> Vec<Start> {
@@ -171,7 +168,7 @@ impl Effect for VelocitySaturation {
         }
         let hardness = p.last().filter(|_| self.soft);
         self.parts(at.scene).change(u, |_, i, command| match hardness {
-            Some(hardness) => command * (1.0 + (command / p[i]).abs().powf(*hardness)).powf(-1.0 / hardness),
+            Some(hardness) => bent(command, p[i], *hardness),
             None => command.clamp(-p[i].abs(), p[i].abs()),
         });
     }

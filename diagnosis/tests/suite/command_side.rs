@@ -59,6 +59,32 @@ fn a_resonance_rings() {
 }
 
 #[test]
+fn what_has_passed_a_threshold_passes_down_to_a_share_of_it() {
+    let (d, release) = (0.25, 0.4);
+    let recording = data(&*model());
+    let stretch = &recording.stretches[0];
+    // Of each wheel, whether its commands pass, from row to row.
+    let mut passing = vec![[false; 2]];
+    for k in 0..stretch.len() {
+        let (before, commands) = (passing[k], wheels([stretch.inputs[0][k], stretch.inputs[1][k]]));
+        passing.push([0, 1].map(|i| commands[i].abs() > if before[i] { release * d } else { d }));
+    }
+    let width = 0.008 * scene().scales.command;
+    let pass = |s: &wheelwright_core::Stretch, t: f64| {
+        let passes = passing[s.time.partition_point(|row| *row <= t).max(1)];
+        let commands = wheels(held(s, t));
+        body([0, 1].map(|i| {
+            let threshold = if passes[i] { release * d } else { d };
+            0.5 * commands[i] * (1.0 + ((commands[i].abs() - threshold) / width).tanh())
+        }))
+    };
+    let holding = DeadZone { holding: true, ..DeadZone::default() };
+    let error = difference(&[&holding], &[d, release], &[], [0.3, 0.2], |s, t, x| base(pass(s, t), x));
+    let without = difference(&[&DeadZone::default()], &[d], &[], [0.3, 0.2], |s, t, x| base(pass(s, t), x));
+    assert!(error < 5e-5 && without > 100.0 * error, "{error} {without}");
+}
+
+#[test]
 fn a_dead_zone_lets_no_small_command_pass() {
     let d = 0.11;
     let width = 0.008 * scene().scales.command;
@@ -221,6 +247,24 @@ fn a_ramp_may_settle_on_its_goal() {
             [a[0], a[1], follow(u[0], x[2], forward), follow(u[1], x[3], turn)]
         });
         assert!(error < 1e-3, "{forward} {turn} {time}: {error}");
+    }
+}
+
+#[test]
+fn a_ramp_may_set_out_and_arrive_gently() {
+    let easing = SlewLimit { easing: true, ..SlewLimit::default() };
+    for (forward, turn, rising) in [(0.4_f64, 1.3_f64, 0.3), (3.0, 0.8, 0.1), (0.5, 9.0, 0.6)] {
+        // Of all rates that which still comes to rest on the goal is wanted, and followed within a millisecond: what comes to rest in a tenth of a second is a hundredth late.
+        let jerk = |goal: f64, [at, pace]: [f64; 2], rate: f64| {
+            let (far, most) = (goal - at, rate / rising);
+            let wanted = rate.min((2.0 * most * far.abs()).sqrt()).copysign(far);
+            ((wanted - pace) / 1e-3).clamp(-most, most)
+        };
+        let error = difference(&[&easing], &[forward, turn, rising], &[], [0.3, 0.2, 0.3, 0.2, 0.0, 0.0], |s, t, x| {
+            let (u, a) = (held(s, t), base([x[2], x[3]], x));
+            [a[0], a[1], x[4], x[5], jerk(u[0], [x[2], x[4]], forward), jerk(u[1], [x[3], x[5]], turn)]
+        });
+        assert!(error < 5e-3, "{forward} {turn} {rising}: {error}");
     }
 }
 
@@ -419,6 +463,21 @@ fn a_drive_has_no_more_than_its_power() {
             let most = if speeds[i].abs() > slow { limit * slow / speeds[i].abs() } else { limit };
             let pulls: f64 = asked[i] - emf * speeds[i];
             pulls.max(-most).min(most) + emf * speeds[i]
+        }));
+        base([x[0] + forward, x[1] + rho * turn], x)
+    });
+    assert!(error < 2e-4, "{error}");
+}
+
+#[test]
+fn iron_that_saturates_bends_what_a_drive_pulls() {
+    let (limit, rho, emf, hardness) = (0.15, 1.4, 0.03, 2.2);
+    let error = difference(&[&TorqueSaturation { law: TorqueLaw::Soft }], &[limit, rho, emf, 0.0, hardness], &[], [0.3, 0.2], |s, t, x| {
+        let u = held(s, t);
+        let (asked, speeds) = (wheels([u[0] - x[0], (u[1] - x[1]) / rho]), wheels(*x));
+        let [forward, turn] = body([0, 1].map(|i| {
+            let pulls: f64 = asked[i] - emf * speeds[i];
+            pulls / (1.0 + (pulls / limit).abs().powf(hardness)).powf(1.0 / hardness) + emf * speeds[i]
         }));
         base([x[0] + forward, x[1] + rho * turn], x)
     });

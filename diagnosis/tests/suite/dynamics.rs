@@ -278,7 +278,7 @@ fn friction_holds_a_robot_at_any_step() {
 fn a_castor_swings_round_and_drags() {
     let rig = body();
     let (d, l, ratio) = (0.2, 0.05, 1.3);
-    for (f, dry, grease) in [(0.06, 0.0, 0.0), (0.02, 0.0008, 0.0004)] {
+    for (f, dry, grease, comes_up_by) in [(0.06, 0.0, 0.0, None), (0.02, 0.0008, 0.0004, None), (0.06, 0.0, 0.0, Some(0.3))] {
         // The direction in which the pivot and the castor's trailing wheel move together at the start.
         let steady = |v: f64, w: f64| {
             let rate = |delta: f64| (-v * delta.sin() - d * w * delta.cos()) / l - w;
@@ -290,13 +290,15 @@ fn a_castor_swings_round_and_drags() {
             low
         };
         let start = [rig.start[0], rig.start[1], steady(rig.start[0], rig.start[1])];
-        let kind = CastorKind::Swivel;
-        let error = rig.error(&CastorDrag { kind }, &[f, d, l, dry, grease, 0.4, ratio], start, &[], |_, u, [v, w, delta]| {
+        let castor = CastorDrag { soft: comes_up_by.is_some(), ..CastorDrag::default() };
+        let values: Vec<f64> = [f, d, l, dry, grease, 0.4].into_iter().chain(comes_up_by).chain([ratio]).collect();
+        let resists = |roll: f64| comes_up_by.map_or_else(|| rig.sign(roll), |by: f64| roll / (roll * roll + by * by).sqrt());
+        let error = rig.error(&castor, &values, start, &[], |_, u, [v, w, delta]| {
             let roll = v * delta.cos() - d * w * delta.sin();
             let swing = (-v * delta.sin() - d * w * delta.cos()) / l - w;
             // Forces of the ground on the castor's wheel, along it and across it, where it stands.
             let moment = dry * rig.sign(swing * l) + grease * swing;
-            let (along, across) = (-f * rig.sign(roll), -moment / l);
+            let (along, across) = (-f * resists(roll), -moment / l);
             let force = [along * delta.cos() - across * delta.sin(), along * delta.sin() + across * delta.cos()];
             let place = [-d - l * delta.cos(), -l * delta.sin()];
             let turn = place[0] * force[1] - place[1] * force[0];
@@ -311,7 +313,7 @@ fn a_castor_swings_round_and_drags() {
 #[test]
 fn a_castor_starts_from_rest_as_it_was_left() {
     let rig = body();
-    let (scene, castor) = (rig.scene(), CastorDrag { kind: CastorKind::Swivel });
+    let (scene, castor) = (rig.scene(), CastorDrag::default());
     let begun = |from_rest: bool, outputs: &[f64]| {
         let track = Track { from_rest, ..scene.tracks[0].clone() };
         let at = Instant::of_sample(rig.stretch(), 0, &track, &scene, Readout::Instantaneous);
@@ -328,7 +330,7 @@ fn a_ball_slides_against_its_motion() {
     let rig = body();
     let (f, d, ratio) = (0.05, 0.2, 1.2);
     for transfer in [0.0, 0.2, -0.1] {
-        let ball = CastorDrag { kind: CastorKind::Ball };
+        let ball = CastorDrag { kind: CastorKind::Ball, ..CastorDrag::default() };
         let error = rig.error(&ball, &[f, d, transfer, ratio], rig.start, &[], |_, u, [v, w]| {
             let slide = v.hypot(d * w).hypot(rig.kink);
             let [forward, turn] = [f * v / slide, ratio * f * d * d / (HALF_TRACK * HALF_TRACK) * w / slide];

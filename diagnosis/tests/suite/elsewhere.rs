@@ -178,9 +178,10 @@ fn what_limits_one_axis_may_limit_the_other_elsewhere() {
 /// On the way from behind the axle to before it a castor does less and less: no step of a fit leads there.
 #[test]
 fn a_castor_ahead_of_the_axle_is_found_there() {
-    let (model, castor) = (model(), CastorDrag { kind: CastorKind::Swivel });
+    let (model, castor) = (model(), CastorDrag::default());
     let kinds = [CastorKind::Swivel, CastorKind::Leading];
-    let library: Vec<Box<dyn Effect>> = kinds.into_iter().map(|kind| Box::new(CastorDrag { kind }) as Box<dyn Effect>).collect();
+    let library: Vec<Box<dyn Effect>> =
+        kinds.into_iter().map(|kind| Box::new(CastorDrag { kind, ..CastorDrag::default() }) as Box<dyn Effect>).collect();
     for place in [-0.29, 0.26] {
         let data = record(61, 1600, true, &[(&castor, &[0.06, place, 0.05, 1e-4, 0.0, 0.4, 1.0])], 0.0);
         let mut question = Question::new(&*model, &data, &library);

@@ -260,7 +260,7 @@ fn responses_are_smooth_in_the_parameters_of_the_dynamics() {
     for rig in [body(), sides()] {
         let scene = rig.scene();
         // A castor ahead of the axle is on its head when this drive reverses, and goes round one way or the other: its law is that of one behind.
-        let ahead = CastorDrag { kind: CastorKind::Leading }.about();
+        let ahead = CastorDrag { kind: CastorKind::Leading, ..CastorDrag::default() }.about();
         let geared = CoulombFriction { law: FrictionLaw::Geared }.about();
         for effect in able(&scene).into_iter().filter(|e| e.stage().place() == Place::Dynamics && e.about() != ahead) {
             let (parameters, starts) = (effect.parameters(&scene), effect.starts(&scene));

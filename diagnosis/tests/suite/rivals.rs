@@ -172,8 +172,11 @@ fn another_form_of_what_was_found_comes_before_a_wider_law() {
 #[test]
 fn a_wider_law_comes_before_a_further_effect() {
     let hidden = RollingResistance {};
-    let library: Vec<Box<dyn Effect>> =
-        vec![Box::new(CoulombFriction::default()), Box::new(RollingResistance {}), Box::new(CastorDrag { kind: CastorKind::Ball })];
+    let library: Vec<Box<dyn Effect>> = vec![
+        Box::new(CoulombFriction::default()),
+        Box::new(RollingResistance {}),
+        Box::new(CastorDrag { kind: CastorKind::Ball, ..CastorDrag::default() }),
+    ];
     let values = [0.034, 0.12, 0.15, 1.0];
     let [training, held] = [(6, 0.3), (106, 0.5)].map(|(seed, backwards)| turning(seed, backwards, &[(&hidden, &values)]));
     for (held_out, name) in [(None, "coulomb_friction"), (Some(&held), "rolling_resistance")] {
