@@ -164,7 +164,7 @@ impl<'a> Bench<'a> {
             inputs: columns(inputs),
             outputs: columns(outputs),
         };
-        let track = Track { heading: vec![0.0; 2], headed: false, distance: [vec![0.0; 2], vec![0.0; 2]], from_rest: false };
+        let track = Track { heading: vec![0.0; 2], headed: false, distance: [vec![0.0; 2], vec![0.0; 2]], ..Track::default() };
         Self { scene, stretch, track, inputs }
     }
 

@@ -21,7 +21,7 @@ use crate::judge::{Bench, judged, widened};
 use crate::noise::Noise;
 use crate::question::{DiagnosisError, Question};
 use crate::radius::{self, Wheels};
-use crate::round::{come_round, in_line};
+use crate::round::{come_round, in_line, last_resort};
 use crate::screen::{Response, saturate};
 use crate::select::{EXCHANGE, FINAL, SHARE, Search, Selected, State};
 use crate::track;
@@ -354,7 +354,7 @@ pub(crate) fn surroundings<'a>(
 
 /// Whether an effect is tried on any recording that it applies to.
 pub(crate) fn tried(effect: &dyn Effect, scene: &Scene) -> bool {
-    effect.line().is_none() && !effect.stands_in() && effect.inapplicable(scene).is_none()
+    effect.line().is_none() && !effect.stands_in() && !effect.last_resort() && effect.inapplicable(scene).is_none()
 }
 
 /// The effects that the evidence asks for; `closer` keeps the scene with the wheels' course as these tell it.
@@ -363,7 +363,7 @@ fn selected<'a>(start: Surroundings<'a>, known: Option<&'a Known>, closer: &'a O
     let search = Search { known, ..search };
     let known = with_known(&search, &base, &whitening);
     let selected = search.run(State::plain(base), known, whitening, &responses)?;
-    Ok(in_line(come_round(Story { search, selected, responses, first, means: None }, closer)))
+    Ok(last_resort(in_line(come_round(Story { search, selected, responses, first, means: None }, closer))))
 }
 
 /// The base model with the effect that is known from beside, fitted within what is known of it.

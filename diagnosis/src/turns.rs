@@ -6,8 +6,9 @@ use wheelwright_core::effect::{Effect, Scene};
 use crate::holdout::{Explanation, Ground, Proof};
 use crate::residuals::Series;
 
-/// Places within its bounds where what was left somewhere is looked for.
+/// Places within its bounds where what was left somewhere is looked for, and halvings of the way between them about the best.
 const PLACES: usize = 9;
+const HALVINGS: i32 = 5;
 
 /// A part of an effect that goes round, or the whole of one that goes by the heading.
 pub(crate) struct Part {
@@ -62,13 +63,20 @@ impl Ground<'_> {
         let parameters: Vec<_> = explanation.effects.iter().flat_map(|effect| effect.parameters(self.scene)).collect();
         for (at, parameter) in parameters.iter().enumerate().filter(|(_, p)| p.initial) {
             let (from, to) = parameter.bounds;
-            for place in 0..PLACES {
+            let apart = (to - from) / (PLACES - 1) as f64;
+            let mut try_at = |place: f64| {
                 let mut other = explanation.clone();
-                other.values[at] = from + (to - from) * place as f64 / (PLACES - 1) as f64;
+                other.values[at] = place.clamp(from, to);
                 let there = self.run(&other);
                 if self.size(&there) < self.size(&proof) {
                     (explanation, proof) = (other, there);
                 }
+                explanation.values[at]
+            };
+            let mut best = (0..PLACES).map(|place| try_at(from + apart * place as f64)).last().unwrap_or(from);
+            for halving in 1..=HALVINGS {
+                let step = apart * 0.5_f64.powi(halving);
+                best = [best - step, best + step].map(&mut try_at)[1];
             }
         }
         (explanation, proof)

@@ -310,6 +310,12 @@ pub trait Effect: Debug + Send + Sync {
         &[]
     }
 
+    /// Whether it is tried only where what everything else leaves over goes on from sample to sample: what has too many starts to be tried on every
+    /// recording, such as whatever changes with the place.
+    fn last_resort(&self) -> bool {
+        false
+    }
+
     /// What a step with it costs, in terms of one with friction: a search has so much to spend.
     fn effort(&self) -> u64 {
         1

@@ -46,6 +46,8 @@ pub struct Track {
     pub headed: bool,
     /// Distance that each wheel had rolled at each sample \[m\]: left, right.
     pub distance: [Vec<f64>; 2],
+    /// Where the robot was at each sample \[m\], from where the stretch began: forward speed along the heading.
+    pub place: [Vec<f64>; 2],
     /// Whether the robot stood still when the stretch began: then nothing was commanded before.
     pub from_rest: bool,
 }
@@ -127,6 +129,15 @@ impl Scene {
             let measured = headings.and_then(|h| h.get(s));
             track.headed = measured.and_then(|h| h.first()).is_some_and(|first| *first != 0.0);
             track.heading = measured.cloned().unwrap_or(turned);
+        }
+        let along = |s: &Stretch, track: &Track, part: fn(f64) -> f64| -> Vec<f64> {
+            (0..s.len()).map(|k| self.frame.body(&[s.outputs[0][k], s.outputs[1][k]])[0] * part(track.heading[k])).collect()
+        };
+        for (axis, part) in [f64::cos, f64::sin].into_iter().enumerate() {
+            let rates: Vec<Vec<f64>> = data.stretches.iter().zip(&tracks).map(|(s, track)| along(s, track, part)).collect();
+            for (track, place) in tracks.iter_mut().zip(course::covered(&data.stretches, rates.into_iter())) {
+                track.place[axis] = place;
+            }
         }
         for side in [0, 1] {
             for (track, distance) in tracks.iter_mut().zip(covered(&|pair| self.frame.wheels(pair)[side])) {
@@ -266,6 +277,11 @@ impl<'a> Instant<'a> {
     /// Measured distance that a wheel has rolled \[m\]: 0 left, 1 right.
     pub fn distance(&self, side: usize) -> f64 {
         self.between(&self.track.distance[side])
+    }
+
+    /// Place now, by the measured motion \[m\].
+    pub fn place(&self) -> [f64; 2] {
+        self.track.place.each_ref().map(|of| self.between(of))
     }
 
     fn between(&self, values: &[f64]) -> f64 {

@@ -41,11 +41,16 @@ impl<'a> Search<'a> {
         self.open.iter().copied().filter(|i| self.turns(*i)).collect()
     }
 
+    /// Those of all effects that apply, whether or not they are tried on any recording.
+    pub(crate) fn applying(&self, of: &dyn Fn(&usize) -> bool) -> Vec<usize> {
+        let applies = |i: &usize| self.effect(*i).inapplicable(self.setting.scene).is_none();
+        (0..self.library.len()).filter(of).filter(applies).collect()
+    }
+
     /// The effects that go round as a member does, whether or not they are tried on any recording.
     pub(crate) fn turning_with(&self, members: &[usize]) -> Vec<usize> {
         let lines: Vec<Option<f64>> = members.iter().filter(|i| self.turns(**i)).map(|i| self.effect(*i).line()).collect();
-        let applies = |i: &usize| self.effect(*i).inapplicable(self.setting.scene).is_none();
-        (0..self.library.len()).filter(|i| lines.contains(&self.effect(*i).line())).filter(applies).filter(|i| self.turns(*i)).collect()
+        self.applying(&|i| lines.contains(&self.effect(*i).line()) && self.turns(*i))
     }
 
     /// Responses about a model, of which `first` are those about the base model.

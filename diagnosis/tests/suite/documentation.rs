@@ -27,7 +27,7 @@ fn scene(frame: Frame, inputs: [Channel; 2], outputs: [Channel; 2], sizes: [f64;
         time: (0.0, 100.0),
         period: 0.05,
     };
-    let track = Track { heading: vec![0.0, 0.1], headed: false, distance: [vec![0.0, 0.01], vec![0.0, 0.01]], from_rest: false };
+    let track = Track { heading: vec![0.0, 0.1], headed: false, distance: [vec![0.0, 0.01], vec![0.0, 0.01]], ..Track::default() };
     Scene { frame, inputs: inputs.into(), outputs: outputs.into(), wheel_radius: Some(0.1), scales, tracks: vec![track] }
 }
 

@@ -511,7 +511,7 @@ fn a_slope_pulls_by_the_measured_heading() {
         let k = (stretch.time.partition_point(|x| *x <= t).max(1) - 1).min(stretch.len() - 2);
         heading[k] + (heading[k + 1] - heading[k]) * (t - stretch.time[k]) / (stretch.time[k + 1] - stretch.time[k])
     };
-    let error = rig.error(&Slope {}, &[c, s, share, aside], rig.start, &[], |t, u, x| {
+    let error = rig.error(&Slope::default(), &[c, s, share, aside], rig.start, &[], |t, u, x| {
         let psi = at(t);
         // Gravity in the world, −(c, s), seen from the body.
         let (along, across) = (-c * psi.cos() - s * psi.sin(), c * psi.sin() - s * psi.cos());

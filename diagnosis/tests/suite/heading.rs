@@ -18,11 +18,12 @@ fn where_no_heading_is_measured_or_an_odometry_tells_it_a_recording_begins_at_an
     let [there, elsewhere] = [0.0_f64, 2.4].map(|uphill| [0.06 * uphill.cos(), 0.06 * uphill.sin(), 0.0, 0.0]);
     let drive = |seed| Drive { samples: 1500, change: 0.03, forward: -0.3..0.5, turning: -0.9..0.9, seed };
     let [training, held] = [(1, there), (2, elsewhere)].map(|(seed, values)| {
-        let (mut data, mut random) = drive(seed).driven(&*model, &THETA, TRACK, &Slope {}, &values);
+        let (mut data, mut random) = drive(seed).driven(&*model, &THETA, TRACK, &Slope::default(), &values);
         // The slope acts by the heading that comes of it.
         for _ in 0..8 {
             let scene = Scene::new(&data, &*model, TRACK, None, None);
-            let mut simulator = EffectSimulator::new(&*model, &THETA, &[&Slope {}], &scene).unwrap();
+            let slope = Slope::default();
+            let mut simulator = EffectSimulator::new(&*model, &THETA, &[&slope], &scene).unwrap();
             simulator.set(&THETA, &values).unwrap();
             simulator.set_substeps(8);
             let mut run = vec![Vec::new(); 2];

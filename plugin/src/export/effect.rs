@@ -189,7 +189,7 @@ impl<'a> Course<'a> {
         let [heading, left, right] = self.track.map(<[f64]>::to_vec);
         let stretch = Stretch { label: String::new(), time: self.time.to_vec(), inputs: own(&self.inputs), outputs: own(&self.outputs) };
         let from_rest = scene.from_rest(&stretch);
-        (stretch, Track { heading, headed: false, distance: [left, right], from_rest })
+        (stretch, Track { heading, headed: false, distance: [left, right], from_rest, ..Track::default() })
     }
 }
 
