@@ -21,7 +21,7 @@ use crate::judge::{Bench, judged, widened};
 use crate::noise::Noise;
 use crate::question::{DiagnosisError, Question};
 use crate::radius::{self, Wheels};
-use crate::round::{come_round, in_line, last_resort};
+use crate::round::{come_round, in_line};
 use crate::screen::{Response, saturate};
 use crate::select::{EXCHANGE, FINAL, SHARE, Search, Selected, State};
 use crate::track;
@@ -359,11 +359,14 @@ pub(crate) fn tried(effect: &dyn Effect, scene: &Scene) -> bool {
 
 /// The effects that the evidence asks for; `closer` keeps the scene with the wheels' course as these tell it.
 fn selected<'a>(start: Surroundings<'a>, known: Option<&'a Known>, closer: &'a OnceCell<Scene>) -> Result<Story<'a>, DiagnosisError> {
-    let Surroundings { search, first, responses, whitening, base, .. } = start;
+    let Surroundings { search, first, mut responses, whitening, base, .. } = start;
     let search = Search { known, ..search };
     let known = with_known(&search, &base, &whitening);
-    let selected = search.run(State::plain(base), known, whitening, &responses)?;
-    Ok(last_resort(in_line(come_round(Story { search, selected, responses, first, means: None }, closer))))
+    let base = State::plain(base);
+    responses.extend(search.last_resorts(&base, &whitening));
+    responses.sort_by_key(|response| response.effect);
+    let selected = search.run(base, known, whitening, &responses)?;
+    Ok(in_line(come_round(Story { search, selected, responses, first, means: None }, closer)))
 }
 
 /// The base model with the effect that is known from beside, fitted within what is known of it.

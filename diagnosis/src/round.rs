@@ -8,7 +8,7 @@ use crate::answer::Story;
 use crate::diagnose::DECISIVE;
 use crate::fit::setting::Setting;
 use crate::screen::Response;
-use crate::select::{Newest, Search, Selected, coloured};
+use crate::select::{Newest, Search, Selected};
 
 /// Angle \[rad\] by which a wheel that is thought elsewhere hides what goes round with it.
 const ASTRAY: f64 = 0.5;
@@ -26,31 +26,14 @@ pub(crate) fn in_line(mut story: Story<'_>) -> Story<'_> {
     let Some(line) = search.line(selected) else { return story };
     let of = |i: &usize| search.effect(*i).line().is_some_and(|order| (line.order / order - 1.0).abs() < OFF_LINE);
     let fitting = search.applying(&of);
+    let about = search.respond_of(&fitting, &selected.plain());
     // One wheel, and the other as well.
-    story.join(&fitting, 2);
-    story
-}
-
-/// A story with an effect that is only tried where what everything else leaves over goes on from sample to sample, if there is one.
-pub(crate) fn last_resort(mut story: Story<'_>) -> Story<'_> {
-    let Story { search, selected, .. } = &story;
-    if !search.full(selected) && coloured(&selected.whitening.noise) {
-        let last = search.applying(&|i| search.effect(*i).last_resort());
-        story.join(&last, 1);
+    for _ in 0..2 {
+        let Some(joined) = story.search.joined(&story.selected, &about) else { break };
+        story.selected = joined;
+        story.search.exchange(&mut story.selected, &story.responses, Newest::Open);
     }
     story
-}
-
-impl Story<'_> {
-    /// Lets some effects that are not tried on any recording join, so many times.
-    fn join(&mut self, some: &[usize], times: usize) {
-        let about = self.search.respond_of(some, &self.selected.plain());
-        for _ in 0..times {
-            let Some(joined) = self.search.joined(&self.selected, &about) else { break };
-            self.selected = joined;
-            self.search.exchange(&mut self.selected, &self.responses, Newest::Open);
-        }
-    }
 }
 
 /// A story with what goes round with the wheels as it shows once they are followed with what was found: where a misfit took the base model away

@@ -310,7 +310,7 @@ pub trait Effect: Debug + Send + Sync {
         &[]
     }
 
-    /// Whether it is tried only where what everything else leaves over goes on from sample to sample: what has too many starts to be tried on every
+    /// Whether it is tried only where the noise goes on from sample to sample, as it may be no noise: what has too many starts to be tried on every
     /// recording, such as whatever changes with the place.
     fn last_resort(&self) -> bool {
         false

@@ -43,6 +43,11 @@ fn across(scene: &Scene) -> f64 {
     scene.tracks.iter().map(extent).fold(scene.frame.half_track(), f64::max)
 }
 
+/// The wave number of the shortest wave \[rad/m\]: one as short as the robot is wide is no slope under it.
+fn shortest(scene: &Scene) -> f64 {
+    std::f64::consts::PI / scene.frame.half_track()
+}
+
 impl Slope {
     /// The pull along two fixed directions where the robot is.
     fn pulls(&self, p: &[f64], at: &Instant<'_>) -> [f64; 2] {
@@ -96,8 +101,7 @@ impl Effect for Slope {
         if !self.waves {
             return [pull("pull_cos"), pull("pull_sin")].into_iter().chain(shares).collect();
         }
-        // A wave as short as the robot is wide is no slope under it.
-        let shortest = std::f64::consts::PI / h;
+        let shortest = shortest(scene);
         let wave = |name: &str| EffectParameter::new(name, "rad/m", (-shortest, shortest), 0.1 / across(scene));
         let phase = EffectParameter::new("phase", "rad", (-std::f64::consts::PI, std::f64::consts::PI), 0.1).initially();
         [pull("pull"), wave("wave_x"), wave("wave_y"), phase].into_iter().chain(shares).collect()
@@ -108,7 +112,8 @@ impl Effect for Slope {
         if self.waves {
             let half = std::f64::consts::PI / across(scene);
             // What goes one way up goes the other way down.
-            let ahead = |(x, y): &(i32, i32)| (*x > 0 || (*x == 0 && *y > 0)) && x * x + y * y <= HALVES * HALVES;
+            let most = HALVES.min((shortest(scene) / half) as i32);
+            let ahead = |(x, y): &(i32, i32)| (*x > 0 || (*x == 0 && *y > 0)) && x * x + y * y <= most * most;
             let numbers = (0..=HALVES).flat_map(|x| (-HALVES..=HALVES).map(move |y| (x, y))).filter(ahead);
             let at = |(x, y): (i32, i32), phase: f64| Start {
                 values: vec![pull, half * f64::from(x), half * f64::from(y), phase, 0.0, 0.0],

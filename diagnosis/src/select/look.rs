@@ -4,7 +4,7 @@ use std::borrow::Cow;
 
 use wheelwright_core::effect::{Effect, Stage, Start};
 
-use super::{RESIMULATED, Search, Selected, State};
+use super::{RESIMULATED, Search, Selected, State, coloured};
 use crate::fit::whitening::Whitening;
 use crate::race::even;
 use crate::screen::{Candidate, Current, Projected, Projection, Response, responses, responses_at};
@@ -22,6 +22,17 @@ impl<'a> Search<'a> {
         let may = |i: &&usize| self.joins(**i, &state.effects);
         let library: Vec<(usize, &dyn Effect)> = indices.iter().filter(may).map(|i| (*i, self.effect(*i))).collect();
         responses(&current, &library)
+    }
+
+    /// Responses about the base model of what is only tried where the noise goes on from sample to sample, as it may be no noise: of each effect the
+    /// best starts.
+    pub(crate) fn last_resorts(&self, base: &State, whitening: &Whitening) -> Vec<Response> {
+        if !coloured(&whitening.noise) {
+            return Vec::new();
+        }
+        let about = self.respond_of(&self.applying(&|i| self.effect(*i).last_resort()), base);
+        let best = self.screen(base, whitening, &about).into_iter().flat_map(|starts| starts.into_iter().take(RESIMULATED.1));
+        best.map(|candidate| about[candidate.response].clone()).collect()
     }
 
     /// Whether an effect goes round with something.

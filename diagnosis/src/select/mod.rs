@@ -124,7 +124,7 @@ impl Selected {
 }
 
 /// Whether noise is so coloured that a misfit could hide in it.
-pub(crate) fn coloured(noise: &Noise) -> bool {
+fn coloured(noise: &Noise) -> bool {
     noise.deviation.iter().zip(&noise.innovation).any(|(all, new)| *all > COLOURED * new)
 }
 
