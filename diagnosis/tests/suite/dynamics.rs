@@ -521,6 +521,37 @@ fn a_slope_pulls_by_the_measured_heading() {
 }
 
 #[test]
+fn ground_in_waves_pulls_by_the_place() {
+    let rig = body();
+    let (pull, wave, phase, share, aside) = (0.09, [2.0, -1.1], 0.7, 0.9, 0.4);
+    let stretch = rig.stretch();
+    // Heading and place by trapezoids over the record, straight between samples.
+    let mut rows = vec![[0.0; 3]];
+    for k in 1..stretch.len() {
+        let [psi, x, y] = rows[k - 1];
+        let step = stretch.time[k] - stretch.time[k - 1];
+        let [before, now] = [k - 1, k].map(|k| [stretch.outputs[0][k], stretch.outputs[1][k]]);
+        let turned = psi + 0.5 * step * (before[1] + now[1]);
+        let along = |part: fn(f64) -> f64| 0.5 * step * (before[0] * part(psi) + now[0] * part(turned));
+        rows.push([turned, x + along(f64::cos), y + along(f64::sin)]);
+    }
+    let at = |t: f64| {
+        let k = (stretch.time.partition_point(|x| *x <= t).max(1) - 1).min(stretch.len() - 2);
+        let share = (t - stretch.time[k]) / (stretch.time[k + 1] - stretch.time[k]);
+        [0, 1, 2].map(|i| rows[k][i] + (rows[k + 1][i] - rows[k][i]) * share)
+    };
+    let values = [pull, wave[0], wave[1], phase, share, aside];
+    let error = rig.error(&Slope { waves: true }, &values, rig.start, &[], |t, u, x| {
+        let [psi, east, north] = at(t);
+        let steep = pull * (wave[0] * east + wave[1] * north + phase).sin();
+        let uphill = wave[1].atan2(wave[0]) - psi;
+        let (along, across) = (-steep * uphill.cos(), -steep * uphill.sin());
+        (rig.base)([u[0] + along, u[1] + share * across + aside * along], x)
+    });
+    assert!(error < 1e-4, "{error}");
+}
+
+#[test]
 fn a_payload_changes_inertia_from_its_time_on() {
     let rig = body();
     for time in [17.3456, rig.stretch().time[200]] {
