@@ -61,8 +61,8 @@ struct Note {
 pub fn term(file: &ModelFile, found: &Diagnosis, model: &dyn RegressorModel, registry: &Registry) -> Result<Term, Error> {
     let loaded = file.effects(&found.scene, registry).map_err(|e| Error::setting(&e.path, e.message.clone()))?;
     let theta: Vec<f64> = found.base.iter().map(|p| p.after).collect();
-    let bench = Bench::new(&found.scene, model);
-    let tabled: Vec<&LoadedEffect> = loaded.iter().filter(|l| in_table(&*l.effect, &found.scene)).collect();
+    let bench = Bench::new(&found.scene, Track::default());
+    let tabled: Vec<&LoadedEffect> = loaded.iter().filter(|l| in_table(l, &found.scene)).collect();
     let mut rows = Vec::new();
     if !tabled.is_empty() {
         for x in grid(&found.training.measured) {
@@ -103,12 +103,25 @@ impl Term {
 }
 
 /// Whether an effect is a function of the motion and the command alone, so that a table can meet it.
-fn in_table(effect: &dyn Effect, scene: &Scene) -> bool {
-    match effect.stage() {
-        Stage::Bearing | Stage::Load => effect.states(scene) == 0,
-        Stage::Threshold | Stage::Gain => true,
+fn in_table(loaded: &LoadedEffect, scene: &Scene) -> bool {
+    let momentary = loaded.effect.states(scene) == 0;
+    match loaded.effect.stage() {
+        Stage::Bearing | Stage::Load => momentary && anywhere(loaded, scene),
+        Stage::Threshold | Stage::Gain => momentary,
         _ => false,
     }
+}
+
+/// Whether a load is the same wherever the robot is and faces.
+fn anywhere(loaded: &LoadedEffect, scene: &Scene) -> bool {
+    let at = |heading: f64, place: [f64; 2]| {
+        let track = Track { heading: vec![heading; 2], place: place.map(|x| vec![x; 2]), ..Track::default() };
+        let bench = Bench::new(scene, track);
+        let mut load = vec![0.0; scene.inputs.len()];
+        loaded.effect.load(&loaded.values, &bench.instant(), &scene.scales.outputs, &[], &mut load);
+        load
+    };
+    at(0.0, [0.0; 2]) == at(1.0, [1.0, 2.0])
 }
 
 /// Whether an effect uses up input.
@@ -120,7 +133,7 @@ fn note(loaded: &LoadedEffect, scene: &Scene) -> Note {
     let effect = &*loaded.effect;
     let first = effect.parameters(scene).iter().zip(&loaded.values).find(|(p, _)| p.unit == "s").map(|(_, v)| *v);
     let (by, seconds, how) = match effect.stage() {
-        _ if in_table(effect, scene) => ("table", None, "add the table's values to the command"),
+        _ if in_table(loaded, scene) => ("table", None, "add the table's values to the command"),
         Stage::Transport => ("preview", first, "send each command this much earlier"),
         Stage::Filter => ("lead", first, "add the rate of change of the command times this"),
         Stage::Ramp | Stage::Limit => ("none", None, "no command gets past a limit: plan motion that stays within it"),
@@ -154,8 +167,8 @@ struct Bench<'a> {
 }
 
 impl<'a> Bench<'a> {
-    fn new(scene: &'a Scene, model: &dyn RegressorModel) -> Self {
-        let (inputs, outputs) = (model.inputs().len(), model.outputs().len());
+    fn new(scene: &'a Scene, track: Track) -> Self {
+        let (inputs, outputs) = (scene.inputs.len(), scene.outputs.len());
         let (first, _) = scene.scales.time;
         let columns = |count: usize| vec![vec![0.0; 2]; count];
         let stretch = Stretch {
@@ -164,13 +177,16 @@ impl<'a> Bench<'a> {
             inputs: columns(inputs),
             outputs: columns(outputs),
         };
-        let track = Track { heading: vec![0.0; 2], headed: false, distance: [vec![0.0; 2], vec![0.0; 2]], ..Track::default() };
         Self { scene, stretch, track, inputs }
+    }
+
+    fn instant(&self) -> Instant<'_> {
+        Instant::of_sample(&self.stretch, 0, &self.track, self.scene, Readout::Instantaneous)
     }
 
     /// What is to be added to the base model's steady input so that the outputs are held.
     fn added(&self, model: &dyn RegressorModel, theta: &[f64], effects: &[&LoadedEffect], x: &[f64]) -> Result<Vec<f64>, ModelError> {
-        let at = Instant::of_sample(&self.stretch, 0, &self.track, self.scene, Readout::Instantaneous);
+        let at = self.instant();
         let steady = steady_input(model, theta, x)?;
         let mut load = vec![0.0; self.inputs];
         for l in effects.iter().filter(|l| loads(&*l.effect)) {
@@ -211,4 +227,30 @@ fn steady_input(model: &dyn RegressorModel, theta: &[f64], x: &[f64]) -> Result<
     }
     let solved = mobility.lu().solve(&nalgebra::DVector::from_iterator(n, rest.iter().map(|a| -a))).ok_or_else(singular)?;
     Ok(solved.iter().copied().collect())
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
+
+    use wheelwright_core::ModelConfig;
+    use wheelwright_diagnosis::effects::{CoulombFriction, DeadZone, Slope};
+    use wheelwright_models::VwPdConfig;
+
+    use super::*;
+
+    #[test]
+    fn a_table_holds_what_is_the_same_at_every_place_and_heading_and_at_every_time() {
+        let model = VwPdConfig::default().build().unwrap();
+        let columns = || vec![vec![0.1, 0.2]; 2];
+        let stretch = Stretch { label: String::new(), time: vec![0.0, 0.1], inputs: columns(), outputs: columns() };
+        let data = Dataset { inputs: model.inputs().to_vec(), outputs: model.outputs().to_vec(), stretches: vec![stretch] };
+        let scene = Scene::new(&data, &*model, 0.3, None, None);
+        let held = |effect: Box<dyn Effect>, values: &[f64]| in_table(&LoadedEffect { effect, values: values.to_vec() }, &scene);
+        assert!(held(Box::new(CoulombFriction::default()), &[0.05, 1.0]));
+        assert!(held(Box::new(DeadZone::default()), &[0.05]));
+        assert!(!held(Box::new(DeadZone { holding: true, ..DeadZone::default() }), &[0.05, 0.5]));
+        assert!(!held(Box::new(Slope::default()), &[0.05, 0.02, 0.0, 0.0]));
+        assert!(!held(Box::new(Slope { waves: true }), &[0.05, 1.0, 0.5, 0.3, 0.0, 0.0]));
+    }
 }
