@@ -279,7 +279,7 @@ impl<'a> Instant<'a> {
         self.between(&self.track.distance[side])
     }
 
-    /// Place now, by the measured motion \[m\].
+    /// Place now, by the measured motion \[m\]. Behind the plugin boundary nobody tells it, and it is the origin.
     pub fn place(&self) -> [f64; 2] {
         self.track.place.each_ref().map(|of| self.between(of))
     }

@@ -9,10 +9,10 @@
 
 use serde::{Deserialize, Serialize};
 use wheelwright_core::Effect;
-use wheelwright_core::effect::{Confusion, EffectParameter, Estimate, Frame, Instant, Scene, Stage, Start};
+use wheelwright_core::effect::{Confusion, EffectParameter, Estimate, Frame, Instant, Scene, Stage, Start, Track};
 
 use super::force;
-use super::words::{digits, percent, quantity};
+use super::words::{digits, percent, quantity, scaled};
 
 /// How far a centre of mass usually lies to one side, of half the track.
 const ASIDE: f64 = 0.1;
@@ -36,7 +36,7 @@ const HALVES: i32 = 12;
 
 /// The longest way across what a recording drove over \[m\].
 fn across(scene: &Scene) -> f64 {
-    let extent = |track: &wheelwright_core::effect::Track| {
+    let extent = |track: &Track| {
         let range = |of: &Vec<f64>| of.iter().fold((0.0_f64, 0.0_f64), |(low, high), x| (low.min(*x), high.max(*x)));
         track.place.iter().map(range).map(|(low, high)| (high - low).powi(2)).sum::<f64>().sqrt()
     };
@@ -129,11 +129,12 @@ impl Effect for Slope {
         if self.waves {
             let [x, y] = WAVE.map(|i| values[i].value);
             let number = x.hypot(y);
+            let pull = scaled(values[PULL], |pull| pull * values[PULL].value.signum());
             return format!(
                 "the ground rises and falls: along a heading of {:.0} degrees with every {} m, where it pulls by up to {}; the model's ground was level",
                 y.atan2(x).to_degrees(),
                 digits(std::f64::consts::TAU / number),
-                force::in_words(values[PULL], scene),
+                force::in_words(pull, scene),
             );
         }
         let (c, s) = (values[0], values[1]);
