@@ -137,7 +137,7 @@ impl<'a> Search<'a> {
     }
 
     /// The model's unknowns as they are, of those that stay if some of its effects do.
-    fn part(&self, state: &State, keep: &dyn Fn(usize) -> bool) -> Unbent {
+    pub(super) fn part(&self, state: &State, keep: &dyn Fn(usize) -> bool) -> Unbent {
         let (x, columns) = self.unknowns(state, keep).map(|j| (state.fit.point.x[j], state.fit.column(j))).unzip();
         Unbent { x, columns }
     }

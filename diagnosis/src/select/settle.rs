@@ -53,9 +53,32 @@ impl<'a> Search<'a> {
         }
     }
 
-    /// The selection with the rival of a member that makes another one superfluous, if there is such: the one with which the least is lost.
+    /// The model with another form of a member in the place of that and of another one: each form of a cause that was found, for which what the other one
+    /// does may have been looked for by itself.
+    fn in_place_of_two<'s>(&'s self, selected: &'s Selected, member: usize, other: usize) -> impl Iterator<Item = State> + use<'s> {
+        let keep = move |i: usize| i != member && i != other;
+        let found = selected.state.effects[member];
+        let rest = self.keeping(selected, &keep).filter(|_| !self.setting.exhausted());
+        let form = |i: &usize| *i != found && self.effect(*i).name() == self.effect(found).name();
+        let forms: Vec<usize> = self.open.iter().copied().filter(form).collect();
+        let unbent = self.part(&selected.state, &keep);
+        rest.into_iter().flat_map(move |rest| {
+            let placed = |i: &usize| {
+                let placed = self.placed(*i, self.starts_at(*i, &selected.state, member), &unbent, selected, &rest)?;
+                Some(State { effects: rest.and(*i), fit: placed.fit })
+            };
+            forms.iter().filter(|i| self.joins(**i, &rest.effects)).filter_map(placed).collect::<Vec<State>>()
+        })
+    }
+
+    /// The selection with the rival of a member that makes another one superfluous, or another form of it, if there is such: the one with which the least is
+    /// lost.
     fn simpler(&self, selected: &Selected) -> Option<Selected> {
         let fixed = self.fixed(selected);
+        let members = fixed..selected.state.effects.len();
+        let pairs =
+            members.clone().flat_map(|member| members.clone().filter(move |other| *other != member).map(move |other| (member, other)));
+        let forms = pairs.flat_map(|(member, other)| self.in_place_of_two(selected, member, other));
         let near = |rival: &&Rival| rival.gap < AMBIGUOUS + self.penalty(1.0);
         let rests = selected.rivals.iter().skip(fixed).flatten().filter(near).flat_map(|rival| {
             // The rival itself stands last.
@@ -66,7 +89,7 @@ impl<'a> Search<'a> {
             let (freedom, worth) = self.beyond(&selected.state.effects, &selected.state.fit, &rest);
             (worth, freedom, rest)
         };
-        let mut all: Vec<(f64, f64, State)> = rests.map(lost).collect();
+        let mut all: Vec<(f64, f64, State)> = rests.chain(forms).map(lost).collect();
         all.sort_by(|a, b| a.0.total_cmp(&b.0));
         let (least, freedom, best) = all.first().filter(|(worth, ..)| *worth < AMBIGUOUS)?;
         // The others that need nothing beside them either are its rivals.
@@ -248,7 +271,9 @@ mod tests {
     #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
     use super::*;
-    use crate::effects::{CommandDelay, CommandOffset, CoulombFriction, DirectionAsymmetry, QuadraticDrag, SensorDelay, StribeckFriction};
+    use crate::effects::{
+        CommandDelay, CommandOffset, CoulombFriction, DirectionAsymmetry, FrictionLaw, QuadraticDrag, SensorDelay, StribeckFriction,
+    };
     use crate::fit::search::{Fit, evaluate};
     use crate::fit::setting::Point;
     use crate::fixture::{Case, NOISE, normal, with_selected};
@@ -312,6 +337,30 @@ mod tests {
                 assert_eq!(selected.state.effects == [2], truth == [2], "{:?}", selected.state.effects);
             });
         }
+    }
+
+    /// Where no rival is known, a form of friction that comes up with speed stands for plain friction and an offset beside it.
+    #[test]
+    fn another_form_of_a_member_takes_the_place_of_two() {
+        let library: Vec<Box<dyn Effect>> =
+            vec![Box::new(CommandOffset {}), Box::new(CoulombFriction::default()), Box::new(CoulombFriction { law: FrictionLaw::Soft })];
+        let mut case = Case::clean(6);
+        let mut run = Vec::new();
+        with_selected(&case, &library, 1, |search, selected| {
+            let there = point(&selected.base, search.setting.free(), &[0.05, 0.1, 1.0]);
+            run = search.setting.layout.series(&search.run_of(&[2], &there).unwrap());
+        });
+        for (stretch, (run, clean)) in case.data.stretches.iter_mut().zip(run.iter().zip(&case.truth)) {
+            for (c, output) in stretch.outputs.iter_mut().enumerate() {
+                output.iter_mut().zip(run[c].iter().zip(&clean[c])).for_each(|(y, (run, clean))| *y += run - clean);
+            }
+        }
+        with_selected(&case, &library, 2, |search, mut selected| {
+            let first = search.respond(&selected.plain());
+            assert!(selected.rivals.iter().all(Vec::is_empty));
+            search.simplify(&mut selected, &first);
+            assert_eq!(selected.state.effects, [2]);
+        });
     }
 
     #[test]
