@@ -247,10 +247,10 @@ mod tests {
         let data = Dataset { inputs: model.inputs().to_vec(), outputs: model.outputs().to_vec(), stretches: vec![stretch] };
         let scene = Scene::new(&data, &*model, 0.3, None, None);
         let held = |effect: Box<dyn Effect>, values: &[f64]| in_table(&LoadedEffect { effect, values: values.to_vec() }, &scene);
-        assert!(held(Box::new(CoulombFriction::default()), &[0.05, 1.0]));
-        assert!(held(Box::new(DeadZone::default()), &[0.05]));
+        assert!(held(Box::<CoulombFriction>::default(), &[0.05, 1.0]));
+        assert!(held(Box::<DeadZone>::default(), &[0.05]));
         assert!(!held(Box::new(DeadZone { holding: true, ..DeadZone::default() }), &[0.05, 0.5]));
-        assert!(!held(Box::new(Slope::default()), &[0.05, 0.02, 0.0, 0.0]));
+        assert!(!held(Box::<Slope>::default(), &[0.05, 0.02, 0.0, 0.0]));
         assert!(!held(Box::new(Slope { waves: true }), &[0.05, 1.0, 0.5, 0.3, 0.0, 0.0]));
     }
 }

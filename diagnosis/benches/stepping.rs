@@ -5,7 +5,7 @@ use std::hint::black_box;
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
 use wheelwright_core::effect::{Direction, EffectSimulator, Scene};
 use wheelwright_core::{Dataset, Effect, ModelConfig, Stretch};
-use wheelwright_diagnosis::effects::{Backlash, CastorDrag, CastorKind, CommandDelay, CoulombFriction, SlewLimit, SlipLaw, WheelSlip};
+use wheelwright_diagnosis::effects::{Backlash, CastorDrag, CommandDelay, CoulombFriction, SlewLimit, SlipLaw, WheelSlip};
 use wheelwright_models::VwPdConfig;
 
 const THETA: [f64; 6] = [0.26, 0.19, -0.01, 1.02, 0.05, 1.05];
