@@ -310,6 +310,21 @@ mod tests {
         Point { x: [&fit.point.x[..free], values].concat(), starts: fit.point.starts.clone() }
     }
 
+    /// A recording in which some effects of a library hide.
+    fn hiding(seed: u64, library: &[Box<dyn Effect>], effects: &[usize], values: &[f64]) -> Case {
+        let (mut case, mut run) = (Case::clean(seed), Vec::new());
+        with_selected(&case, library, 1, |search, selected| {
+            let there = point(&selected.base, search.setting.free(), values);
+            run = search.setting.layout.series(&search.run_of(effects, &there).unwrap());
+        });
+        for (stretch, (run, clean)) in case.data.stretches.iter_mut().zip(run.iter().zip(&case.truth)) {
+            for (c, output) in stretch.outputs.iter_mut().enumerate() {
+                output.iter_mut().zip(run[c].iter().zip(&clean[c])).for_each(|(y, (run, clean))| *y += run - clean);
+            }
+        }
+        case
+    }
+
     #[test]
     fn one_effect_takes_the_place_of_two_that_are_its_parts() {
         let library: Vec<Box<dyn Effect>> =
@@ -317,16 +332,7 @@ mod tests {
         // Dry friction of another size backwards is plain friction and an offset; beside an offset in turning it is not all.
         let hidden: [(&[usize], &[f64]); 2] = [(&[2], &[0.05, 0.02, 1.0]), (&[0, 2], &[0.0, 0.1, 0.05, 0.02, 1.0])];
         for (truth, values) in hidden {
-            let (mut case, mut run) = (Case::clean(5), Vec::new());
-            with_selected(&case, &library, 1, |search, selected| {
-                let there = point(&selected.base, search.setting.free(), values);
-                run = search.setting.layout.series(&search.run_of(truth, &there).unwrap());
-            });
-            for (stretch, (run, clean)) in case.data.stretches.iter_mut().zip(run.iter().zip(&case.truth)) {
-                for (c, output) in stretch.outputs.iter_mut().enumerate() {
-                    output.iter_mut().zip(run[c].iter().zip(&clean[c])).for_each(|(y, (run, clean))| *y += run - clean);
-                }
-            }
+            let case = hiding(5, &library, truth, values);
             with_selected(&case, &library, 2, |search, mut selected| {
                 let first = search.respond(&selected.plain());
                 let with = point(&selected.base, search.setting.free(), &[0.0, 0.0, 0.03, 0.03, 1.0]);
@@ -344,17 +350,7 @@ mod tests {
     fn another_form_of_a_member_takes_the_place_of_two() {
         let library: Vec<Box<dyn Effect>> =
             vec![Box::new(CommandOffset {}), Box::new(CoulombFriction::default()), Box::new(CoulombFriction { law: FrictionLaw::Soft })];
-        let mut case = Case::clean(6);
-        let mut run = Vec::new();
-        with_selected(&case, &library, 1, |search, selected| {
-            let there = point(&selected.base, search.setting.free(), &[0.05, 0.1, 1.0]);
-            run = search.setting.layout.series(&search.run_of(&[2], &there).unwrap());
-        });
-        for (stretch, (run, clean)) in case.data.stretches.iter_mut().zip(run.iter().zip(&case.truth)) {
-            for (c, output) in stretch.outputs.iter_mut().enumerate() {
-                output.iter_mut().zip(run[c].iter().zip(&clean[c])).for_each(|(y, (run, clean))| *y += run - clean);
-            }
-        }
+        let case = hiding(6, &library, &[2], &[0.05, 0.1, 1.0]);
         with_selected(&case, &library, 2, |search, mut selected| {
             let first = search.respond(&selected.plain());
             assert!(selected.rivals.iter().all(Vec::is_empty));
