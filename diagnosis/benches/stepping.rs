@@ -39,7 +39,7 @@ fn stepping(criterion: &mut Criterion) {
     let scene = Scene::new(&data, &*model, 0.34, None, None);
     let (friction, delay, slew) = (CoulombFriction::default(), CommandDelay::default(), SlewLimit::default());
     let (creep, grip) = (WheelSlip { law: SlipLaw::Creep }, WheelSlip { law: SlipLaw::Grip });
-    let (castor, play) = (CastorDrag::default(), Backlash { at_motor: true });
+    let (castor, play) = (CastorDrag::default(), Backlash { at_motor: true, ..Backlash::default() });
     let cases: [(&str, Vec<&dyn Effect>, Vec<f64>); 9] = [
         ("none", vec![], vec![]),
         ("friction", vec![&friction], vec![0.03, 1.0]),

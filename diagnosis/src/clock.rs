@@ -91,7 +91,7 @@ struct Clock {
     ways: Vec<Vec<Vec<f64>>>,
 }
 
-/// The clocks of a recording, the wheels' first.
+/// The clocks of a recording. The wheels' last: their rates may be what the velocities were made of, and late with them.
 fn clocks(question: &Question<'_>) -> Vec<Clock> {
     if !matches!(Frame::of(question.model, 1.0), Frame::Body { .. }) {
         return Vec::new();
@@ -108,7 +108,7 @@ fn clocks(question: &Question<'_>) -> Vec<Clock> {
         ways: headings.iter().map(|heading| vec![unwrapped(heading)]).collect(),
     };
     let wheels = question.training_wheel_rates.as_ref().map(by_wheels);
-    let all = wheels.into_iter().chain(question.training_headings.as_ref().map(by_heading));
+    let all = question.training_headings.as_ref().map(by_heading).into_iter().chain(wheels);
     let whole = |clock: &Clock| {
         let fits = |(stretch, ways): (&Stretch, &Vec<Vec<f64>>)| ways.iter().all(|way| way.len() == stretch.len());
         clock.ways.len() == stretches.len() && stretches.iter().zip(&clock.ways).all(fits)
@@ -250,18 +250,31 @@ mod tests {
         assert_eq!(told(&case, |_| ()), None);
     }
 
+    /// A heading that shows the recorded turning some samples earlier.
+    fn headings(case: &Case, earlier: usize) -> Vec<Vec<f64>> {
+        let of = |stretch: &Stretch| {
+            let turned = stretch.integral(&stretch.outputs[1]);
+            (0..turned.len()).map(|k| wrapped(turned[(k + earlier).min(turned.len() - 1)] + 3.0)).collect()
+        };
+        case.data.stretches.iter().map(of).collect()
+    }
+
     #[test]
     fn a_heading_that_is_ahead_tells_a_late_record() {
         let case = late();
-        let heading = |earlier: usize| -> Vec<Vec<f64>> {
-            let of = |stretch: &Stretch| {
-                let turned = stretch.integral(&stretch.outputs[1]);
-                (0..turned.len()).map(|k| wrapped(turned[(k + earlier).min(turned.len() - 1)] + 3.0)).collect()
-            };
-            case.data.stretches.iter().map(of).collect()
-        };
-        let by_heading = |earlier: usize| told(&case, |question| question.training_headings = Some(heading(earlier)));
+        let by_heading = |earlier: usize| told(&case, |question| question.training_headings = Some(headings(&case, earlier)));
         assert_eq!([by_heading(2), by_heading(0)], [Some(Late::Record), None]);
+    }
+
+    /// Velocities that are made of the wheels' rates are late with them.
+    #[test]
+    fn a_heading_that_is_ahead_counts_for_more_than_rates_in_time() {
+        let case = late();
+        let by_both = told(&case, |question| {
+            question.training_headings = Some(headings(&case, 2));
+            question.training_wheel_rates = Some(rates(&case, 0, NOISE[0]));
+        });
+        assert_eq!(by_both, Some(Late::Record));
     }
 
     #[test]

@@ -43,6 +43,8 @@ pub struct Comparison<'a> {
     pub model: &'a [Channels],
     /// Free run with the same parameters and starts, but every effect neutral: what the effects do, nothing refitted.
     pub without: &'a [Channels],
+    /// Whether what one of the effects does hangs on moments, such as when teeth meet.
+    pub moments: bool,
     /// When the first of the effects begins that begin during the recording \[s\].
     pub since: Option<f64>,
     /// By how much commands were found to come late \[s\]: one time for all inputs, one each, or none.

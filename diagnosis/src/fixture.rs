@@ -127,6 +127,7 @@ impl Case {
             base: without.unwrap_or(&self.truth),
             model: &self.truth,
             without: without.unwrap_or(&self.truth),
+            moments: false,
             since: None,
             late: &[],
             rest: &less(&self.data, &self.truth),

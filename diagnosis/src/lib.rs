@@ -33,6 +33,7 @@ mod track;
 mod turns;
 mod unrounded;
 mod untestable;
+mod walk;
 
 pub use diagnose::diagnose;
 pub use finding::{Diagnosis, Verdict};

@@ -23,6 +23,8 @@ const CONTESTANTS: usize = 8;
 const CONTEST: [(usize, usize); 2] = [(3, 6), (5, 5)];
 /// Starts of an effect that are tried beside the parameters of the regression.
 const UNBENT: usize = 6;
+/// Starts of one whose likelihood has many maxima that are looked at, as they are and with another size each, and from how many of them it walks.
+const STROLLS: (usize, usize) = (3, 2);
 /// Effects that go on where the search has had its share of simulation.
 const LAST: usize = 1;
 /// Variants of one effect that may go on together. What enters is as many beside its plain form.
@@ -188,8 +190,9 @@ impl<'a> Search<'a> {
         let freedom = self.freedom(&state.effects, &state.fit);
         let before = state.fit.likelihood(&self.setting);
         let asked = before + field.asked();
-        let mut racing: Vec<Racing<'_, 'a>> =
-            self.promising(screened, field).flat_map(|c| self.enter(state, &projection, whitening, c, responses, field)).collect();
+        let least = self.least_promise(screened, field);
+        let enter = |c: &Vec<Candidate>| self.enter(state, &projection, whitening, (c, least), responses, field);
+        let mut racing: Vec<Racing<'_, 'a>> = self.promising(screened, field).flat_map(enter).collect();
         for (trials, places) in field.rounds {
             let effort = Effort { trials, ..RANKING };
             racing = racing.into_iter().map(|r| r.on(self, whitening, effort)).collect();
@@ -262,15 +265,24 @@ impl<'a> Search<'a> {
         OUT_OF_REACH + COARSE_ERROR * COARSE_ERROR * self.setting.layout.values() + SHARE * gain.max(0.0)
     }
 
+    /// Whether what the candidates are closes a loop.
+    fn closes(&self, candidates: &[Candidate]) -> bool {
+        self.effect(candidates[0].effect).stage() == Stage::Loop
+    }
+
+    /// What an effect has to promise.
+    fn least_promise(&self, screened: &[Vec<Candidate>], field: &Field<'_>) -> f64 {
+        let best = screened.iter().filter(|c| !self.closes(c)).map(|c| c[0].gain).fold(field.gain, f64::max);
+        (PROMISING * self.penalty(1.0)).max(BEHIND * best).max(BEHIND * SHARE * field.explained)
+    }
+
     /// The effects that enter: those that promise enough, not too many variants of one name, and what closes a loop, of which no promise says anything.
     fn promising<'c>(
         &'c self,
         screened: &'c [Vec<Candidate>],
         field: &Field<'_>,
     ) -> impl Iterator<Item = &'c Vec<Candidate>> + use<'c, 'a> {
-        let closes = |c: &&Vec<Candidate>| self.effect(c[0].effect).stage() == Stage::Loop;
-        let best = screened.iter().filter(|c| !closes(c)).map(|c| c[0].gain).fold(field.gain, f64::max);
-        let least = (PROMISING * self.penalty(1.0)).max(BEHIND * best).max(BEHIND * SHARE * field.explained);
+        let (closes, least) = (|c: &&Vec<Candidate>| self.closes(c), self.least_promise(screened, field));
         let open = screened.iter().filter(move |c| c[0].gain > least && !closes(c)).filter(self.few()).take(field.entrants);
         open.chain(screened.iter().filter(closes))
     }
@@ -311,13 +323,27 @@ impl<'a> Search<'a> {
         (0..effect).all(|other| !self.kin(other, effect))
     }
 
+    /// The starts of an effect whose likelihood has many maxima that are worth a look, if one is worth something as it is: the best as they are, and those
+    /// that promise most with another size.
+    fn strolls<'c>(&self, candidates: &'c [Candidate], least: f64) -> Vec<&'c Candidate> {
+        let mut all: Vec<&Candidate> = candidates.iter().collect();
+        all.sort_by(|a, b| b.as_it_is.total_cmp(&a.as_it_is));
+        if !self.effect(candidates[0].effect).rugged() || all[0].as_it_is < least {
+            return Vec::new();
+        }
+        all.truncate(STROLLS.0);
+        let seen: Vec<usize> = all.iter().map(|c| c.response).collect();
+        all.extend(candidates.iter().take(STROLLS.0).filter(|c| !seen.contains(&c.response)));
+        all
+    }
+
     /// An effect at the better of its two best starts, and at the one that changes least: from there the way leads uphill, if slowly.
     fn enter<'s>(
         &'s self,
         state: &State,
         projection: &Projection<'_, '_>,
         whitening: &Whitening,
-        candidates: &[Candidate],
+        (candidates, least): (&[Candidate], f64),
         responses: &[Response],
         field: &Field<'_>,
     ) -> Vec<Racing<'s, 'a>> {
@@ -341,7 +367,7 @@ impl<'a> Search<'a> {
         let bold = candidates.iter().take(2).filter_map(|c| at(projection.start(&responses[c.response], c)));
         let bold = bold.reduce(|a, b| if b.value > a.value { b } else { a });
         let gentle = gentle.and_then(|c| at(beside(&state.fit.point.x, c)));
-        if self.effect(candidates[0].effect).stage() == Stage::Loop {
+        if self.closes(candidates) {
             // A loop changes what every parameter does: what is linear about the open one says nothing. It enters closed, all columns new.
             let even = |c: &&Candidate| even(&responses[c.response].start);
             return candidates.iter().filter(even).step_by(2).filter_map(|c| at(beside(&state.fit.point.x, c))).collect();
@@ -353,8 +379,18 @@ impl<'a> Search<'a> {
             let tried = candidates.iter().step_by(every).filter_map(|c| at(beside(z, c)));
             tried.reduce(|a, b| if b.value > a.value { b } else { a })
         });
+        let strolled = self.strolls(candidates, least).into_iter().filter_map(|c| {
+            let starts = [projection.start(&responses[c.response], c), beside(&state.fit.point.x, c)];
+            starts.into_iter().filter_map(&mut at).reduce(|a, b| if b.value > a.value { b } else { a })
+        });
+        let mut strolled: Vec<Racing<'s, 'a>> = strolled.collect();
+        strolled.sort_by(|a, b| b.value.total_cmp(&a.value));
+        let walked = strolled.into_iter().take(STROLLS.1).map(|Racing { effect, mut runner, fit, .. }| {
+            let fit = self.walked(effect, &mut runner, whitening, fit);
+            Racing::new(self, effect, runner, fit)
+        });
         // The model's own columns are those it had without the effect, or beside the one whose place this is, until a step disappoints.
-        let near = bold.into_iter().chain(gentle).map(|racing| (racing, Some(&state.fit.columns)));
+        let near = bold.into_iter().chain(gentle).chain(walked).map(|racing| (racing, Some(&state.fit.columns)));
         let far = unbent.map(|racing| (racing, field.unbent.map(|unbent| &unbent.columns)));
         let with_columns = |(mut racing, known): (Racing<'s, 'a>, Option<&Vec<Vec<f64>>>)| {
             if let Some(known) = known {
@@ -384,6 +420,12 @@ impl<'a> Search<'a> {
         let likelihood = |fit: &Fit| fit.likelihood(&self.setting);
         let (mut fit, mut runner) =
             starts.into_iter().filter_map(from).reduce(|a, b| if likelihood(&b.0) > likelihood(&a.0) { b } else { a })?;
+        if self.effect(effect).rugged() {
+            let mut coarse = Runner::coarse(&self.setting, &self.effects(&indices), &fit.point).ok()?;
+            let from = evaluate(&self.setting, &mut coarse, whitening, &fit.point)?;
+            let walked = self.walked(effect, &mut coarse, whitening, from);
+            fit = evaluate(&self.setting, &mut runner, whitening, &walked.point)?;
+        }
         join(&mut runner, whitening, &mut fit, &unbent.columns);
         let fit = maximise(&self.setting, &mut runner, whitening, fit, RANKING, false);
         let (freedom, score) = self.beyond(&indices, &fit, rest);

@@ -50,6 +50,8 @@ pub(crate) struct Candidate {
     values: Vec<f64>,
     /// Gain of twice the log-likelihood.
     pub(crate) gain: f64,
+    /// The same of a start that is a place by itself, with its values as they are.
+    pub(crate) as_it_is: f64,
     /// Columns that count.
     pub(crate) freedom: usize,
     /// Sum of squares of the columns, whitened and projected: the information on a change as large as the start.
@@ -311,8 +313,10 @@ impl<'s, 'a> Projection<'s, 'a> {
         let products = Products::of(columns.iter().flatten().map(|c| &c[..]), &self.residual, &parts(self.setting));
         let one_sided: Vec<bool> = shown.iter().map(|c| one_sided(response, *c)).collect();
         let mut best = self.amplitudes(&products, &one_sided);
+        let mut as_it_is = best.1;
         if !response.start.linear {
             let mut whole = self.whole(&products);
+            as_it_is = whole.1;
             // A grid point counts as it is; a free amplitude says that a smaller or larger one would fit.
             whole.1 = whole.1.max(best.1);
             best = whole;
@@ -322,7 +326,16 @@ impl<'s, 'a> Projection<'s, 'a> {
         shown.iter().zip(found).for_each(|(c, a)| amplitude[*c] = a);
         let freedom = amplitude.iter().filter(|a| **a != 0.0).count().max(1);
         let values = values_of(&response.parameters, &response.start, &|c| amplitude[c]);
-        Candidate { effect: response.effect, response: index, amplitude, values, gain, freedom, information: products.information() }
+        Candidate {
+            effect: response.effect,
+            response: index,
+            amplitude,
+            values,
+            gain,
+            as_it_is,
+            freedom,
+            information: products.information(),
+        }
     }
 
     /// Amplitudes by least squares, columns left out whose amplitude would lie beyond a bound.

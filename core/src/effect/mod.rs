@@ -284,6 +284,16 @@ pub trait Effect: Debug + Send + Sync {
         false
     }
 
+    /// Whether its likelihood has many maxima, since what it does hangs on moments, such as when teeth meet: it is looked for by a walk over its values.
+    fn rugged(&self) -> bool {
+        false
+    }
+
+    /// Families of two effects that it is at once: it is tried in the place of both where they were found beside one another.
+    fn at_once(&self) -> Option<[&'static str; 2]> {
+        None
+    }
+
     /// One plain sentence with magnitudes and units: "the left wheel's motor needs 0.31 V before it moves; the model had none".
     /// It names an interval where there is one.
     fn statement(&self, values: &[Estimate], scene: &Scene) -> String;

@@ -3,6 +3,7 @@
 //!
 //! Noise with heavy tails has values far out as well, but none of them knows of the next. Coloured, it falls back from each; whitened, a value that was
 //! read wrongly shows twice. So a sample counts as far out only if both what is left there and its innovation are, beyond [`ASTRAY`] robust deviations.
+//! Where an effect that was found hangs on moments, it may be a little early or late: what is missed by no more than it changes at once beside that is none.
 //! Of n such samples among N, n²/N follow another one by chance, and how many do is distributed as Poisson's law has it.
 
 use statrs::distribution::{DiscreteCDF, Poisson};
@@ -14,6 +15,8 @@ use super::bursts::FALSE_ALARM;
 
 /// Events that are more than one mishap.
 const SEVERAL: usize = 3;
+/// Samples by which what hangs on moments may be early or late.
+const BESIDE: usize = 2;
 
 /// Times far out that last.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -44,10 +47,10 @@ fn of(comparison: &Comparison<'_>, output: usize) -> Option<Events> {
     let white = comparison.white.iter().map(|white| white[output].as_slice());
     let most_new = far(white, 0.0, ASTRAY, comparison.ordinary(output))?;
     let (mut astray, mut following, mut events, mut excess, mut first) = (0_usize, 0_usize, 0_usize, 0.0, f64::INFINITY);
-    for ((stretch, white), left) in stretches.iter().zip(comparison.white).zip(&left) {
-        let mut run = 0_usize;
+    for (s, ((stretch, white), left)) in stretches.iter().zip(comparison.white).zip(&left).enumerate() {
+        let (mut run, sudden) = (0_usize, sudden(comparison, s, output));
         for (k, (x, e)) in left.iter().zip(&white[output]).enumerate() {
-            if x.abs() <= most || e.abs() <= most_new {
+            if x.abs() <= most + sudden[k] || e.abs() <= most_new {
                 run = 0;
                 continue;
             }
@@ -66,4 +69,16 @@ fn of(comparison: &Comparison<'_>, output: usize) -> Option<Events> {
     let several = events >= SEVERAL && more < FALSE_ALARM / comparison.outputs() as f64;
     let lasts = (following + events) as f64 / events.max(1) as f64 * comparison.scene.scales.period;
     several.then_some(Events { output, count: events, lasts, first, excess })
+}
+
+/// The most by which the effects change an output from one sample to the next, about each sample of a stretch; nothing where none of them hangs on moments.
+fn sudden(comparison: &Comparison<'_>, stretch: usize, output: usize) -> Vec<f64> {
+    let [model, without] = [comparison.model, comparison.without].map(|runs| &runs[stretch][output]);
+    if !comparison.moments {
+        return vec![0.0; model.len()];
+    }
+    let done: Vec<f64> = model.iter().zip(without).map(|(y, without)| y - without).collect();
+    let steps: Vec<f64> = done.windows(2).map(|pair| (pair[1] - pair[0]).abs()).collect();
+    let about = |k: usize| &steps[k.saturating_sub(BESIDE).min(steps.len())..(k + BESIDE).min(steps.len())];
+    (0..done.len()).map(|k| about(k).iter().copied().fold(0.0, f64::max)).collect()
 }

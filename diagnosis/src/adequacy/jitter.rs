@@ -11,7 +11,8 @@ use crate::comparison::Comparison;
 
 use super::bursts::FALSE_ALARM;
 
-/// Share of what squares tell that products of outputs have to tell as well, and the standard errors by which they are surely below all of it.
+/// Share of what squares tell that products of outputs have to tell as well, and those of neighbours may not, and the standard errors by which the first are
+/// surely below all of it.
 const SHARED: f64 = 0.5;
 const BELOW: f64 = 2.0;
 
@@ -98,7 +99,7 @@ fn found_where(comparison: &Comparison<'_>, looked_at: &dyn Fn(usize, f64) -> bo
     if combined < limit || z.iter().any(|z| *z < 0.0) {
         return None;
     }
-    let chance = neighbours.is_none_or(|n| n.variance < 0.5 * variance);
+    let chance = neighbours.is_none_or(|n| n.variance < SHARED * variance);
     let orderly = variance - SURE * error < comparison.scene.scales.period.powi(2);
     // Jitter is at home where an output changes fast, which may be seldom: what it makes counts where it makes it.
     let seen = variance * slopes.iter().map(|s| s * s).sum::<f64>() > COVERED * slopes.iter().sum::<f64>();

@@ -181,6 +181,7 @@ pub(crate) fn whitened<T>(
         base: run,
         model: run,
         without: run,
+        moments: false,
         since: None,
         late,
         rest: &left,

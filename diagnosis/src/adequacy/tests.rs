@@ -106,6 +106,20 @@ fn stops_that_come_again_are_events_and_noise_far_out_that_is_remembered_is_none
     }
 }
 
+/// Now and then an output jumps for four samples; a model that has these jumps two samples early misses each of them twice.
+#[test]
+fn what_an_effect_does_a_little_late_is_no_event() {
+    let jump = |t: f64| if (t + 1e-6).rem_euclid(7.0) < 0.2 { 20.0 * NOISE[0] } else { 0.0 };
+    let mut case = Case::new(6, |t, i, y, _, random| y + NOISE[i] * normal(random) + if i == 0 { jump(t - 0.1) } else { 0.0 });
+    let without = case.truth.clone();
+    for (stretch, run) in case.data.stretches.iter().zip(&mut case.truth) {
+        run[0].iter_mut().zip(&stretch.time).for_each(|(y, t)| *y += jump(*t));
+    }
+    let found = |moments: bool| case.compare(Some(&without), |c| events::find(&Comparison { moments, ..*c })).map(|events| events.count);
+    assert!(found(false).is_some_and(|count| count > 5), "{:?}", found(false));
+    assert_eq!(found(true), None);
+}
+
 /// What is left behind the last whole second of a stretch may be a single sample.
 #[test]
 fn a_value_far_out_in_the_last_sample_is_no_burst() {

@@ -66,7 +66,8 @@ pub(super) fn review(question: &Question<'_>, story: &Story<'_>, findings: &[Fin
         None => selected.gained(setting, &state.fit),
     };
     let times = findings.iter().flat_map(|f| &f.parameters).filter(|p| p.name == BEGINS).map(|p| p.value);
-    let explained = adequacy::Explained { without: &without, since: times.min_by(f64::total_cmp), late: search.late(state), gain };
+    let moments = search.effects(&state.effects).iter().any(|effect| effect.rugged());
+    let explained = adequacy::Explained { without: &without, since: times.min_by(f64::total_cmp), late: search.late(state), gain, moments };
     let (flags, location) = adequacy::review(&residuals, setting.scene, &explained, question.seed)?;
     // The pattern of numerical error is nobody's physics.
     Ok((if numerical(setting, &selected.state.fit) { Vec::new() } else { flags }, location))

@@ -20,6 +20,7 @@ use wheelwright_core::Effect;
 use wheelwright_core::effect::{Confusion, EffectParameter, Estimate, Instant, Motion, Scene, Stage, Start};
 
 use super::force;
+use super::swivel::{self, Swivel};
 use super::words::{length, quantity, smooth_sign};
 
 /// What kind of castor drags.
@@ -61,12 +62,16 @@ const TRANSFER: usize = 2;
 const HIGHEST: f64 = 10.0;
 const HIGH: f64 = 2.0;
 
-/// Turn within a step below which four terms of its tangent, or hyperbolic tangent, are exact to nine digits.
-const SMALL: f64 = 0.08;
+/// By what share more a ball carries for every unit of acceleration.
+pub(super) fn transfer() -> EffectParameter {
+    let (most, usual) = (HIGHEST / force::GRAVITY, HIGH / force::GRAVITY);
+    EffectParameter::new("transfer", "s2/m", (-most, most), 0.1 * usual).neutral(0.0).usually(0.0, usual)
+}
 
-/// How far from straight a castor usually stands where a robot was left \[rad\], and how far apart others are looked at.
-const LEFT: f64 = 1.5;
-const TURNS: [f64; 5] = [-2.0, -1.0, 1.0, 2.0, 3.0];
+/// A castor in a fork.
+fn pivot(p: &[f64]) -> Swivel {
+    Swivel { distance: p[DISTANCE], trail: p[TRAIL], left_at: p[LEFT_AT] }
+}
 
 impl CastorDrag {
     /// Number of its parameters but for the turning ratio, which stands last.
@@ -127,24 +132,19 @@ impl Effect for CastorDrag {
         let mut all = force::sizes(scene, "drag");
         match self.kind {
             CastorKind::Swivel | CastorKind::Leading => {
-                let farthest = if self.kind == CastorKind::Leading { 0.0 } else { 3.0 * h };
-                all.push(EffectParameter::new("distance", "m", (-3.0 * h, farthest), 0.2 * h));
-                all.push(EffectParameter::new("trail", "m", (0.02 * h, 2.0 * h), 0.1 * h));
+                all.extend(swivel::place(scene, self.kind == CastorKind::Leading));
                 let units = if force::unit(scene) == "V" { ["V m", "V m s"] } else { ["m2/s", "m2"] };
                 let moment = 0.005 * h * force::command(scene, 0);
                 let of = |name: &str, unit: &str, size: f64| EffectParameter::new(name, unit, (0.0, f64::INFINITY), size).neutral(0.0);
                 all.push(of("swivel_friction", units[0], moment));
                 all.push(of("swivel_damping", units[1], moment * h / scene.scales.speed));
-                let any = (-std::f64::consts::PI, std::f64::consts::PI);
-                all.push(EffectParameter::new("left_at", "rad", any, 0.2).usually(0.0, LEFT).initially());
+                all.push(swivel::left_at());
                 all.extend(self.soft.then(|| force::softness(scene)));
             }
             // Ahead or behind is one to a ball.
             CastorKind::Ball => {
                 all.push(EffectParameter::new("distance", "m", (0.05 * h, 3.0 * h), 0.2 * h));
-                let most = HIGHEST / force::GRAVITY;
-                let transfer = EffectParameter::new("transfer", "s2/m", (-most, most), 0.1 * HIGH / force::GRAVITY);
-                all.push(transfer.neutral(0.0).usually(0.0, HIGH / force::GRAVITY));
+                all.push(transfer());
             }
         }
         all.extend(force::turning_ratio(scene));
@@ -160,17 +160,8 @@ impl Effect for CastorDrag {
         }
     }
 
-    /// The castor left otherwise: it swings round within a trail's length, and no small step leads from one side to the other.
     fn detours(&self, values: &[f64], scene: &Scene) -> Vec<Vec<f64>> {
-        if self.kind == CastorKind::Ball || !scene.tracks.iter().any(|track| track.from_rest) {
-            return Vec::new();
-        }
-        let left_at = |turn: &f64| {
-            let mut values = values.to_vec();
-            values[LEFT_AT] = (values[LEFT_AT] + turn + std::f64::consts::PI).rem_euclid(std::f64::consts::TAU) - std::f64::consts::PI;
-            values
-        };
-        TURNS.iter().map(left_at).collect()
+        if self.kind == CastorKind::Ball { Vec::new() } else { swivel::left_otherwise(values, LEFT_AT, scene) }
     }
 
     fn statement(&self, values: &[Estimate], scene: &Scene) -> String {
@@ -220,49 +211,31 @@ impl Effect for CastorDrag {
         ]
     }
 
-    /// cos δ/2 and sin δ/2, in which the swinging round is linear, and the outputs before.
     fn states(&self, _scene: &Scene) -> usize {
-        match self.kind {
-            CastorKind::Swivel | CastorKind::Leading => 4,
-            CastorKind::Ball => 0,
-        }
+        if self.kind == CastorKind::Ball { 0 } else { swivel::STATES }
     }
 
     fn begin(&self, p: &[f64], at: &Instant<'_>, _inputs: &[f64], outputs: &[f64], state: &mut [f64]) {
-        if self.kind == CastorKind::Ball {
-            return;
+        if self.kind != CastorKind::Ball {
+            pivot(p).begin(at, outputs, state);
         }
-        let [v, w] = at.scene.frame.body(outputs);
-        let across = p[DISTANCE] * w;
-        let pivot = v.hypot(across);
-        let angle = if at.track.from_rest {
-            p[LEFT_AT]
-        } else if pivot > 0.0 {
-            (-p[TRAIL] * w / pivot).clamp(-1.0, 1.0).asin() - across.atan2(v)
-        } else {
-            0.0
-        };
-        (state[1], state[0]) = (0.5 * angle).sin_cos();
-        state[2] = outputs[0];
-        state[3] = outputs[1];
     }
 
     fn load(&self, p: &[f64], at: &Instant<'_>, outputs: &[f64], state: &[f64], load: &mut [f64]) {
-        let (scene, h) = (at.scene, at.scene.frame.half_track());
-        let [v, w] = scene.frame.body(outputs);
-        let (typical, distance) = (scene.scales.speed, p[DISTANCE]);
-        let ratio = p.get(self.own());
         if self.kind == CastorKind::Ball {
             return;
         }
-        let (cos, sin) = (state[0] * state[0] - state[1] * state[1], 2.0 * state[0] * state[1]);
-        let rolls = v * cos - distance * w * sin;
-        let drag = p[DRAG] * if self.soft { rolls / length([rolls, p[COMES_UP]]) } else { smooth_sign(rolls, typical) };
+        let (scene, h) = (at.scene, at.scene.frame.half_track());
+        let velocity @ [v, w] = scene.frame.body(outputs);
+        let (typical, ratio) = (scene.scales.speed, p.get(self.own()));
+        let drag = |rolls: f64| p[DRAG] * if self.soft { rolls / length([rolls, p[COMES_UP]]) } else { smooth_sign(rolls, typical) };
+        let dragged = pivot(p).dragged(velocity, state, drag);
         // ∂δ'/∂v and ∂δ'/∂ω times the trail: what the trailing wheel sweeps.
-        let (by_v, by_w) = (-sin, -(distance * cos + p[TRAIL]));
+        let [cos, sin] = Swivel::direction(state);
+        let (by_v, by_w) = (-sin, -(p[DISTANCE] * cos + p[TRAIL]));
         let sweep = by_v * v + by_w * w;
         let across = (p[SWIVEL] * smooth_sign(sweep, typical) + p[DAMPING] * sweep / p[TRAIL]) / p[TRAIL];
-        let [forward, turn] = [drag * cos + across * by_v, -drag * distance * sin + across * by_w];
+        let [forward, turn] = [dragged[0] + across * by_v, dragged[1] + across * by_w];
         scene.frame.add_at_body([forward, ratio.copied().unwrap_or(1.0) / (h * h) * turn], load);
     }
 
@@ -280,32 +253,9 @@ impl Effect for CastorDrag {
         frame.add_at_body([-load * drag, -load * turn], drive);
     }
 
-    /// δ' = A sin δ + B cos δ + C turns (cos δ/2, sin δ/2) by y' = M y/2 with M = [−A, B − C; B + C, A] and M² = (A² + B² − C²) I, at
-    /// velocities in the middle of the span.
     fn advance(&self, p: &[f64], at: &Instant<'_>, motion: &Motion<'_>, _drive: &[f64], state: &mut [f64]) {
-        if self.kind == CastorKind::Ball {
-            return;
-        }
-        let outputs = motion.outputs;
-        let middle = [0.5 * (state[2] + outputs[0]), 0.5 * (state[3] + outputs[1])];
-        state[2..4].copy_from_slice(&outputs[..2]);
-        let [v, w] = at.scene.frame.body(&middle);
-        let (a, b, c) = (-v / p[TRAIL], -p[DISTANCE] * w / p[TRAIL], -w);
-        let half = 0.5 * at.span;
-        let square = half * half * (a * a + b * b - c * c);
-        let size = square.abs().sqrt();
-        // Of exp(M half) only the direction counts: divided by the hyperbolic cosine it does not overflow.
-        let (kept, turned) = match (size < SMALL, square > 0.0) {
-            (true, _) => (1.0, half * (1.0 - square * (1.0 / 3.0 - square * (2.0 / 15.0 - square * 17.0 / 315.0)))),
-            (false, true) => (1.0, half * size.tanh() / size),
-            (false, false) => (size.cos(), half * size.sin() / size),
-        };
-        let (x, y) = (state[0], state[1]);
-        let (x, y) = (kept * x + turned * (-a * x + (b - c) * y), kept * y + turned * ((b + c) * x + a * y));
-        let size = length([x, y]);
-        if size > 0.0 && size.is_finite() {
-            state[0] = x / size;
-            state[1] = y / size;
+        if self.kind != CastorKind::Ball {
+            pivot(p).advance(at, motion, state);
         }
     }
 }

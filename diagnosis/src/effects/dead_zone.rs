@@ -37,8 +37,8 @@ pub struct DeadZone {
 
 /// Shares of the threshold down to which a command that has passed is tried to go on.
 const RELEASES: [f64; 2] = [0.7, 0.4];
-/// Thresholds that are tried with them, as shares of a typical command.
-const HOLDING: [f64; 4] = [0.1, 0.25, 0.5, 0.8];
+/// The threshold that is tried with them, as a share of a typical command: where one was found already it starts from that.
+const HOLDING: [f64; 1] = [0.25];
 
 impl DeadZone {
     fn parts(&self, scene: &Scene) -> Parts {

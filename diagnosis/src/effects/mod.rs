@@ -65,6 +65,7 @@ mod slope;
 mod soft;
 mod stribeck_friction;
 mod supply;
+mod swivel;
 mod timestamp_jitter;
 mod torque_saturation;
 mod track_width_error;
@@ -220,7 +221,10 @@ fn dynamics() -> Vec<Box<dyn Effect>> {
         Box::new(CoulombFrictionOneWheel { wheel: None }),
         Box::new(StribeckFriction::default()),
         Box::new(StribeckFriction { presliding: true }),
-        Box::new(RollingResistance {}),
+        Box::new(RollingResistance::default()),
+        Box::new(RollingResistance { castor: Some(CastorKind::Ball) }),
+        Box::new(RollingResistance { castor: Some(CastorKind::Swivel) }),
+        Box::new(RollingResistance { castor: Some(CastorKind::Leading) }),
         Box::new(DirectionAsymmetry::default()),
         Box::new(DirectionAsymmetry { soft: true }),
         Box::new(ViscousAsymmetry { between: Between::Wheels }),
@@ -241,7 +245,8 @@ fn dynamics() -> Vec<Box<dyn Effect>> {
         Box::new(PayloadChange::default()),
         Box::new(PayloadChange { law: LoadLaw::Undone }),
         Box::new(PayloadChange { law: LoadLaw::Gradual }),
-        Box::new(Backlash { at_motor: true }),
+        Box::new(Backlash { at_motor: true, ..Backlash::default() }),
+        Box::new(Backlash { at_motor: true, bouncing: true }),
         Box::new(Backlash::default()),
     ]
 }

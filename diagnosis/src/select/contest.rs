@@ -120,7 +120,7 @@ impl<'a> Search<'a> {
         let mut refined = self.refine(&rest, &selected.whitening, &others, &responses, &field).alone;
         let stands_in = (0..self.library.len()).filter(|i| self.stands_in(*i, dropped) && self.joins(*i, &rest.effects));
         // From where the member is: of what only stands in for it nothing is to be seen without it.
-        let placed = |i: usize| self.placed(i, self.starts_at(i, &selected.state, member), &unbent, selected, &rest);
+        let placed = |i: usize| self.placed(i, self.starts_at(i, &selected.state, &[member]), &unbent, selected, &rest);
         refined.extend(stands_in.filter_map(placed));
         refined.sort_by(|a, b| b.score.total_cmp(&a.score));
         (rest, refined)
@@ -129,7 +129,8 @@ impl<'a> Search<'a> {
     /// Whether an effect may stand in for another and for nothing else.
     fn stands_in(&self, effect: usize, other: usize) -> bool {
         let [effect, other] = [effect, other].map(|i| self.effect(i));
-        let akin = effect.name() == other.name() || effect.family() == other.family();
+        // What is two effects at once is asked for in the place of both.
+        let akin = effect.name() == other.name() || (effect.family() == other.family() && effect.at_once().is_none());
         akin && effect.stands_in() && effect.inapplicable(self.setting.scene).is_none()
     }
 

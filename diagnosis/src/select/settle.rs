@@ -53,32 +53,36 @@ impl<'a> Search<'a> {
         }
     }
 
-    /// The model with another form of a member in the place of that and of another one: each form of a cause that was found, for which what the other one
-    /// does may have been looked for by itself.
-    fn in_place_of_two<'s>(&'s self, selected: &'s Selected, member: usize, other: usize) -> impl Iterator<Item = State> + use<'s> {
-        let keep = move |i: usize| i != member && i != other;
-        let found = selected.state.effects[member];
-        let rest = self.keeping(selected, &keep).filter(|_| !self.setting.exhausted());
-        let form = |i: &usize| *i != found && self.effect(*i).name() == self.effect(found).name();
-        let forms: Vec<usize> = self.open.iter().copied().filter(form).collect();
+    /// The model with one effect in the place of two members: each form of the cause of one of them, for which what the other one does may have been looked for
+    /// by itself, and each that is both at once.
+    fn in_place_of_two(&self, selected: &Selected, pair: [usize; 2]) -> Vec<State> {
+        let keep = |i: usize| !pair.contains(&i);
+        let Some(rest) = self.keeping(selected, &keep).filter(|_| !self.setting.exhausted()) else { return Vec::new() };
         let unbent = self.part(&selected.state, &keep);
-        rest.into_iter().flat_map(move |rest| {
-            let placed = |i: &usize| {
-                let placed = self.placed(*i, self.starts_at(*i, &selected.state, member), &unbent, selected, &rest)?;
-                Some(State { effects: rest.and(*i), fit: placed.fit })
-            };
-            forms.iter().filter(|i| self.joins(**i, &rest.effects)).filter_map(placed).collect::<Vec<State>>()
-        })
+        let found = pair.map(|member| selected.state.effects[member]);
+        let named = |i: usize| move |k: &usize| found[*k] != i && self.effect(found[*k]).name() == self.effect(i).name();
+        let forms = self.open.iter().filter_map(|i| [0, 1].into_iter().find(named(*i)).map(|k| (*i, vec![pair[k]])));
+        let both = (0..self.library.len()).filter(|i| self.is_at_once(*i, found)).map(|i| (i, pair.to_vec()));
+        let placed = |(i, of): (usize, Vec<usize>)| {
+            let placed = self.placed(i, self.starts_at(i, &selected.state, &of), &unbent, selected, &rest)?;
+            Some(State { effects: rest.and(i), fit: placed.fit })
+        };
+        forms.chain(both).filter(|(i, _)| self.joins(*i, &rest.effects)).filter_map(placed).collect()
+    }
+
+    /// Whether an effect is two others at once.
+    fn is_at_once(&self, effect: usize, found: [usize; 2]) -> bool {
+        let (effect, [one, other]) = (self.effect(effect), found.map(|i| self.effect(i).family()));
+        let both = effect.at_once().is_some_and(|of| of == [one, other] || of == [other, one]);
+        both && effect.inapplicable(self.setting.scene).is_none()
     }
 
     /// The selection with the rival of a member that makes another one superfluous, or another form of it, if there is such: the one with which the least is
     /// lost.
     fn simpler(&self, selected: &Selected) -> Option<Selected> {
         let fixed = self.fixed(selected);
-        let members = fixed..selected.state.effects.len();
-        let pairs =
-            members.clone().flat_map(|member| members.clone().filter(move |other| *other != member).map(move |other| (member, other)));
-        let forms = pairs.flat_map(|(member, other)| self.in_place_of_two(selected, member, other));
+        let pairs = (fixed..selected.state.effects.len()).flat_map(|other| (fixed..other).map(move |member| [member, other]));
+        let forms = pairs.flat_map(|pair| self.in_place_of_two(selected, pair));
         let near = |rival: &&Rival| rival.gap < AMBIGUOUS + self.penalty(1.0);
         let rests = selected.rivals.iter().skip(fixed).flatten().filter(near).flat_map(|rival| {
             // The rival itself stands last.
@@ -199,7 +203,7 @@ impl<'a> Search<'a> {
         let (z, (freedom, worth)) =
             (self.unbent(&selected.state, member), self.beyond(&selected.state.effects, &selected.state.fit, &rest));
         let placed = |i: usize| {
-            let Refined { fit, .. } = self.placed(i, self.starts_at(i, &selected.state, member), &z, selected, &rest)?;
+            let Refined { fit, .. } = self.placed(i, self.starts_at(i, &selected.state, &[member]), &z, selected, &rest)?;
             let by = self.only(selected, &State { effects: rest.and(i), fit })?;
             let (wider_freedom, wider_worth) = self.beyond(&by.state.effects, &by.state.fit, &rest);
             let mut wider = succeeding(selected, member, by);
@@ -224,10 +228,13 @@ impl<'a> Search<'a> {
         self.effect(effect).starts(self.setting.scene).into_iter().map(|start| start.values).collect()
     }
 
-    /// Values from which an effect may start in a member's place: its own, and those with what it has by the same name as the member has it.
-    pub(super) fn starts_at(&self, effect: usize, state: &State, member: usize) -> Vec<Vec<f64>> {
-        let known = self.values_in(effect, self.effect(state.effects[member]), &self.values(state)[member]);
-        let at = |values: &Vec<f64>| values.iter().zip(&known).map(|(start, known)| known.unwrap_or(*start)).collect();
+    /// Values from which an effect may start in the place of members: its own, and those with what it has by the same name as one of them has it.
+    pub(super) fn starts_at(&self, effect: usize, state: &State, members: &[usize]) -> Vec<Vec<f64>> {
+        let values = self.values(state);
+        let of = |member: &usize| self.values_in(effect, self.effect(state.effects[*member]), &values[*member]);
+        let known: Vec<Vec<Option<f64>>> = members.iter().map(of).collect();
+        let known = |i: usize| known.iter().find_map(|of| of[i]);
+        let at = |values: &Vec<f64>| values.iter().enumerate().map(|(i, start)| known(i).unwrap_or(*start)).collect();
         let own = self.starts(effect);
         let there: Vec<Vec<f64>> = own.iter().map(at).filter(|values| !own.contains(values)).collect();
         own.into_iter().chain(there).collect()
@@ -272,7 +279,8 @@ mod tests {
 
     use super::*;
     use crate::effects::{
-        CommandDelay, CommandOffset, CoulombFriction, DirectionAsymmetry, FrictionLaw, QuadraticDrag, SensorDelay, StribeckFriction,
+        CastorDrag, CastorKind, CommandDelay, CommandOffset, CoulombFriction, DirectionAsymmetry, FrictionLaw, QuadraticDrag,
+        RollingResistance, SensorDelay, StribeckFriction,
     };
     use crate::fit::search::{Fit, evaluate};
     use crate::fit::setting::Point;
@@ -354,6 +362,22 @@ mod tests {
         with_selected(&case, &library, 2, |search, mut selected| {
             let first = search.respond(&selected.plain());
             assert!(selected.rivals.iter().all(Vec::is_empty));
+            search.simplify(&mut selected, &first);
+            assert_eq!(selected.state.effects, [2]);
+        });
+    }
+
+    /// Friction at the driven wheels and a castor that drags, beside one another, are what resists wherever a wheel carries.
+    #[test]
+    fn one_that_is_two_at_once_takes_the_place_of_both() {
+        let rolling = RollingResistance { castor: Some(CastorKind::Swivel) };
+        let library: Vec<Box<dyn Effect>> = vec![Box::new(CoulombFriction::default()), Box::new(CastorDrag::default()), Box::new(rolling)];
+        let case = hiding(7, &library, &[2], &[0.15, 0.4, 0.2, 0.05, 0.0, 1.0]);
+        with_selected(&case, &library, 2, |search, mut selected| {
+            let first = search.respond(&selected.plain());
+            let mut found = selected.state.effects.clone();
+            found.sort_unstable();
+            assert_eq!(found, [0, 1]);
             search.simplify(&mut selected, &first);
             assert_eq!(selected.state.effects, [2]);
         });

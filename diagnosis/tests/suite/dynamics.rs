@@ -75,21 +75,69 @@ fn rolling_resistance_brakes_driven_wheels_and_what_they_carry_along() {
     let (rest, driven) = (share * resistance, (1.0 - share) * resistance);
     let rig = body();
     // What rolls along at the axle has no lever.
-    let error = rig.load_error(&RollingResistance {}, &[resistance, share, 0.0, ratio], |[v, w]| {
+    let error = rig.load_error(&RollingResistance::default(), &[resistance, share, 0.0, ratio], |[v, w]| {
         let [forward, turn] = off(wheels([v, w]).map(|s| driven * rig.sign(s)), ratio);
         [forward + rest * v / v.hypot(rig.kink), turn]
     });
     assert!(error < 1e-3, "at the axle it leaves turning to the driven wheels: {error}");
-    let error = rig.load_error(&RollingResistance {}, &[resistance, share, distance, ratio], |x| {
+    let error = rig.load_error(&RollingResistance::default(), &[resistance, share, distance, ratio], |x| {
         let [forward, turn] = off(wheels(x).map(|s| driven * rig.sign(s)), ratio);
         let along = [x[0], distance * x[1]].map(|s| s / x[0].hypot(distance * x[1]).hypot(rig.kink));
         [forward + rest * along[0], turn + ratio * rest * distance / (HALF_TRACK * HALF_TRACK) * along[1]]
     });
     assert!(error < 1e-3, "{error}");
     let rig = sides();
-    let error = rig.load_error(&RollingResistance {}, &[0.3, 0.4, 0.0], |x| {
+    let error = rig.load_error(&RollingResistance::default(), &[0.3, 0.4, 0.0], |x| {
         let v = 0.5 * (x[0] + x[1]);
         x.map(|s| 0.18 * rig.sign(s) + 0.12 * v / v.hypot(rig.kink))
+    });
+    assert!(error < 1e-3, "{error}");
+}
+
+/// A ball goes the way of its place, and carries while the robot speeds up what the driven wheels carry less.
+#[test]
+fn rolling_resistance_moves_to_a_ball_while_the_robot_speeds_up() {
+    let (resistance, share, d, ratio) = (0.07, 0.3, 0.2, 1.2);
+    let rig = body();
+    let effect = RollingResistance { castor: Some(CastorKind::Ball) };
+    for transfer in [0.0, 0.3, -0.2] {
+        let error = rig.error(&effect, &[resistance, share, d, transfer, ratio], rig.start, &[], |_, u, [v, w]| {
+            let slide = v.hypot(d * w).hypot(rig.kink);
+            let ball = [v / slide, ratio * d * d / (HALF_TRACK * HALF_TRACK) * w / slide];
+            let driven = off(wheels([v, w]).map(|s| rig.sign(s)), ratio);
+            let of = |share: f64| {
+                let against = [0, 1].map(|i| resistance * (share * ball[i] + (1.0 - share) * driven[i]));
+                (rig.base)([u[0] - against[0], u[1] - against[1]], [v, w])
+            };
+            of((0..50).fold(share, |now, _| share * (1.0 + transfer * of(now)[0])))
+        });
+        assert!(error < 1e-3, "{transfer}: {error}");
+    }
+}
+
+/// A castor in a fork rolls where it has swung round to.
+#[test]
+fn rolling_resistance_acts_along_a_castor() {
+    let (resistance, share, d, l, ratio) = (0.08, 0.3, 0.2, 0.05, 1.3);
+    let rig = body();
+    let effect = RollingResistance { castor: Some(CastorKind::Swivel) };
+    let begun = {
+        let scene = rig.scene();
+        let at = Instant::of_sample(rig.stretch(), 0, &scene.tracks[0], &scene, Readout::Instantaneous);
+        let mut state = [0.0; 4];
+        effect.begin(&[resistance, share, d, l, 0.0, ratio], &at, &[0.0, 0.0], &rig.start, &mut state);
+        2.0 * state[1].atan2(state[0])
+    };
+    let start = [rig.start[0], rig.start[1], begun];
+    let error = rig.error(&effect, &[resistance, share, d, l, 0.0, ratio], start, &[], |_, u, [v, w, delta]| {
+        let roll = v * delta.cos() - d * w * delta.sin();
+        let along = -share * resistance * rig.sign(roll);
+        let force = [along * delta.cos(), along * delta.sin()];
+        let place = [-d - l * delta.cos(), -l * delta.sin()];
+        let turn = place[0] * force[1] - place[1] * force[0];
+        let driven = off(wheels([v, w]).map(|s| (1.0 - share) * resistance * rig.sign(s)), ratio);
+        let a = (rig.base)([u[0] - driven[0] + force[0], u[1] - driven[1] + ratio / (HALF_TRACK * HALF_TRACK) * turn], [v, w]);
+        [a[0], a[1], (-v * delta.sin() - d * w * delta.cos()) / l - w]
     });
     assert!(error < 1e-3, "{error}");
 }
@@ -826,7 +874,7 @@ fn play_interrupts_the_drive() {
             wrong.map(|values| rig.error(&Backlash::default(), &values, start, &[], slope)).into_iter().fold(f64::INFINITY, f64::min);
         assert!(error < 0.5 * least, "gap {gap}: {error}, {least} with one value wrong");
         // An encoder at the motor counts what the motor does in the gap as well: over all, what it ran ahead of the wheel.
-        let [at_wheel, at_motor] = [false, true].map(|at_motor| rig.mean_run(&Backlash { at_motor }, &values));
+        let [at_wheel, at_motor] = [false, true].map(|at_motor| rig.mean_run(&Backlash { at_motor, ..Backlash::default() }, &values));
         let truth = integrate(rig.stretch(), start, &[], slope);
         let time = &rig.stretch().time;
         let mut ahead = [0.0; 2];
@@ -841,6 +889,55 @@ fn play_interrupts_the_drive() {
         let off = (off / (2 * truth.len()) as f64).sqrt();
         assert!(off < 0.02 * gap, "gap {gap}: {off}");
     }
+}
+
+/// Motors as masses of their own against flanks that give way and damp, and do not pull.
+#[test]
+fn motors_rebound_where_their_teeth_meet() {
+    let rig = body();
+    let (gap, spin_up, behind, ratio, meeting, restitution) = (0.01, 0.03, 0.1, 1.2, 0.008, 0.5);
+    let own = 0.5 * (1.0 - behind) * (1.02 + 1.05 / ratio);
+    let motor = own * spin_up;
+    let inertia = [0.26 - motor, 0.19 - ratio * motor];
+    // What is pushed back is the motor against a wheel that gives way with the robot.
+    let both = 1.0 / (1.0 / motor + 0.5 / inertia[0] + 0.5 * ratio / inertia[1]);
+    let (rate, decay) = (std::f64::consts::PI / meeting, -f64::ln(restitution));
+    let damping = decay / decay.hypot(std::f64::consts::PI);
+    let flank = |place: f64, ahead: f64| {
+        let side = place.signum();
+        let into = side * place - 0.5 * gap;
+        if into > 0.0 { side * (both * rate * (rate * into + 2.0 * damping * side * ahead)).max(0.0) } else { 0.0 }
+    };
+    let wheels_to_body = |[left, right]: [f64; 2]| [0.5 * (left + right), (right - left) / (2.0 * HALF_TRACK)];
+    let slope = |_: f64, u: [f64; 2], [v, w, p0, p1, a0, a1]: [f64; 6]| {
+        let ahead = wheels_to_body([a0, a1]);
+        let [v, w] = [v - ahead[0], w - ahead[1]];
+        let kept = 1.0 - behind;
+        let drives = drives_of([u[0] - kept * 1.02 * (v + ahead[0]), u[1] - kept * 1.05 * (w + ahead[1])], ratio);
+        let passed = [flank(p0, a0), flank(p1, a1)];
+        let accelerations = [
+            (0.5 * (passed[0] + passed[1]) - 0.01 * w * w - behind * 1.02 * v) / inertia[0],
+            (ratio * (passed[1] - passed[0]) / (2.0 * HALF_TRACK) - 0.05 * v * w - behind * 1.05 * w) / inertia[1],
+        ];
+        let hubs = wheels(accelerations);
+        let faster = [(drives[0] - passed[0]) / motor - hubs[0], (drives[1] - passed[1]) / motor - hubs[1]];
+        // As encoders at the motors have it.
+        let told = wheels_to_body(faster);
+        [accelerations[0] + told[0], accelerations[1] + told[1], a0, a1, faster[0], faster[1]]
+    };
+    let first = wheels([rig.stretch().inputs[0][0], rig.stretch().inputs[1][0]]).map(|u| 0.5 * gap * u.signum());
+    let start = [rig.start[0], rig.start[1], first[0], first[1], 0.0, 0.0];
+    let error = |effect: &Backlash, values: &[f64]| rig.error(effect, values, start, &[], slope);
+    let bouncing = Backlash { at_motor: true, bouncing: true };
+    let right = error(&bouncing, &[gap, spin_up, behind, behind, meeting, restitution, ratio]);
+    let plain = error(&Backlash { at_motor: true, ..Backlash::default() }, &[gap, spin_up, behind, behind, ratio]);
+    let wrong = [
+        [gap, spin_up, behind, behind, meeting, 0.1, ratio],
+        [gap, spin_up, behind, behind, 3.0 * meeting, restitution, ratio],
+        [1.2 * gap, spin_up, behind, behind, meeting, restitution, ratio],
+    ];
+    let least = wrong.map(|values| error(&bouncing, &values)).into_iter().fold(plain, f64::min);
+    assert!(right < 0.5 * least, "{right}, {plain} without rebounds, {least} with one value wrong");
 }
 
 /// Wheels' loops that integrate sum up the error that their encoders tell, by virtual power as above: unequal radii couple it.

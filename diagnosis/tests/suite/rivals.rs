@@ -88,7 +88,7 @@ fn turning(seed: u64, backwards: f64, effects: &Hidden<'_>) -> Dataset {
 fn friction_by_direction_and_rolling_resistance_are_one_until_the_robot_backs_up() {
     let hidden = DirectionAsymmetry::default();
     let library: Vec<Box<dyn Effect>> =
-        vec![Box::new(CoulombFriction::default()), Box::new(RollingResistance {}), Box::new(DirectionAsymmetry::default())];
+        vec![Box::new(CoulombFriction::default()), Box::new(RollingResistance::default()), Box::new(DirectionAsymmetry::default())];
     for (backwards, verdict) in [(0.0, Verdict::Ambiguous), (0.5, Verdict::Explained)] {
         let diagnosis = among(&library, &turning(5, backwards, &[(&hidden, &[0.06, 0.02, 1.0])]), None);
         let mut told = names(&diagnosis);
@@ -171,10 +171,10 @@ fn another_form_of_what_was_found_comes_before_a_wider_law() {
 /// they roll as heavily is one cause, and a castor that slides beside dry friction would be two.
 #[test]
 fn a_wider_law_comes_before_a_further_effect() {
-    let hidden = RollingResistance {};
+    let hidden = RollingResistance::default();
     let library: Vec<Box<dyn Effect>> = vec![
         Box::new(CoulombFriction::default()),
-        Box::new(RollingResistance {}),
+        Box::new(RollingResistance::default()),
         Box::new(CastorDrag { kind: CastorKind::Ball, ..CastorDrag::default() }),
     ];
     let values = [0.034, 0.12, 0.15, 1.0];
