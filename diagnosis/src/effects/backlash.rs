@@ -126,7 +126,9 @@ impl Effect for Backlash {
             return RESTITUTIONS.map(|e| start(GAPS[2], SPIN_UPS[1], BEHIND[1], &[MEETING, e])).into();
         }
         if !self.at_motor {
-            return GAPS.into_iter().step_by(2).flat_map(|gap| BEHIND.map(|behind| start(gap, SPIN_UPS[0], behind, &[]))).collect();
+            // Of wheels little shows of what their motors do in the gap.
+            let light = |gap: f64| BEHIND[1..].iter().map(move |behind| start(gap, SPIN_UPS[0], *behind, &[]));
+            return GAPS.into_iter().flat_map(light).collect();
         }
         let all = GAPS.into_iter().flat_map(|gap| SPIN_UPS.map(|spin_up| (gap, spin_up)));
         all.flat_map(|(gap, spin_up)| BEHIND.map(|behind| start(gap, spin_up, behind, &[]))).collect()
