@@ -10,8 +10,7 @@ use wheelwright_core::effect::{
 use wheelwright_core::model::ModelError;
 use wheelwright_core::simulation::Readout;
 use wheelwright_diagnosis::effects::{
-    ActuatorLag, Backlash, CastorDrag, CastorKind, CoulombFriction, CoulombFrictionOneWheel, FrictionLaw, RollingResistance,
-    StribeckFriction, Wheel, library,
+    ActuatorLag, Backlash, CastorDrag, CastorKind, CoulombFriction, CoulombFrictionOneWheel, FrictionLaw, StribeckFriction, Wheel, library,
 };
 
 /// The names of the contract (section 5).
