@@ -14,6 +14,7 @@ use wheelwright_models::VwPdConfig;
 
 use crate::comparison::{Channels, Comparison, less};
 use crate::diagnose::{Surroundings, setting, surroundings};
+use crate::fit::search::Fit;
 use crate::fit::setting::Point;
 use crate::question::Question;
 use crate::select::{Search, Selected, State};
@@ -147,10 +148,29 @@ pub(crate) fn with_selected(case: &Case, library: &[Box<dyn Effect>], members: u
     let question = Question::new(&*model, &case.data, library);
     let start = surroundings(setting(&question, &case.data, &case.scene, Readout::Instantaneous), &question, &course).unwrap();
     let Surroundings { search, whitening, base, .. } = start;
-    let values = library[..members].iter().flat_map(|effect| effect.starts(&case.scene).remove(0).values);
-    let point = Point { x: base.point.x.iter().copied().chain(values).collect(), starts: base.point.starts.clone() };
-    let effects: Vec<usize> = (0..members).collect();
-    let (whitening, fit) = search.at(&effects, point, &whitening.noise).unwrap();
+    let values: Vec<f64> = library[..members].iter().flat_map(|effect| effect.starts(&case.scene).remove(0).values).collect();
+    let (effects, start): (Vec<usize>, Point) = ((0..members).collect(), point(&base, base.point.x.len(), &values));
+    let (whitening, fit) = search.at(&effects, start, &whitening.noise).unwrap();
     let state = State { effects, fit };
     test(&search, Selected { state, whitening, base, rivals: vec![Vec::new(); members], ranking: Vec::new() });
+}
+
+/// A point of a model with effects at these values, the base model's parameters as a fit has them.
+pub(crate) fn point(fit: &Fit, free: usize, values: &[f64]) -> Point {
+    Point { x: [&fit.point.x[..free], values].concat(), starts: fit.point.starts.clone() }
+}
+
+/// A recording in which some effects of a library hide.
+pub(crate) fn hiding(seed: u64, library: &[Box<dyn Effect>], effects: &[usize], values: &[f64]) -> Case {
+    let (mut case, mut run) = (Case::clean(seed), Vec::new());
+    with_selected(&case, library, 1, |search, selected| {
+        let there = point(&selected.base, search.setting.free(), values);
+        run = search.setting.layout.series(&search.run_of(effects, &there).unwrap());
+    });
+    for (stretch, (run, clean)) in case.data.stretches.iter_mut().zip(run.iter().zip(&case.truth)) {
+        for (c, output) in stretch.outputs.iter_mut().enumerate() {
+            output.iter_mut().zip(run[c].iter().zip(&clean[c])).for_each(|(y, (run, clean))| *y += run - clean);
+        }
+    }
+    case
 }

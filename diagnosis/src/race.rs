@@ -192,7 +192,7 @@ impl<'a> Search<'a> {
         let asked = before + field.asked();
         let least = self.least_promise(screened, field);
         let enter = |c: &Vec<Candidate>| self.enter(state, &projection, whitening, (c, least), responses, field);
-        let mut racing: Vec<Racing<'_, 'a>> = self.promising(screened, field).flat_map(enter).collect();
+        let mut racing: Vec<Racing<'_, 'a>> = self.promising(screened, field.entrants, least).flat_map(enter).collect();
         for (trials, places) in field.rounds {
             let effort = Effort { trials, ..RANKING };
             racing = racing.into_iter().map(|r| r.on(self, whitening, effort)).collect();
@@ -280,10 +280,11 @@ impl<'a> Search<'a> {
     fn promising<'c>(
         &'c self,
         screened: &'c [Vec<Candidate>],
-        field: &Field<'_>,
+        entrants: usize,
+        least: f64,
     ) -> impl Iterator<Item = &'c Vec<Candidate>> + use<'c, 'a> {
-        let (closes, least) = (|c: &&Vec<Candidate>| self.closes(c), self.least_promise(screened, field));
-        let open = screened.iter().filter(move |c| c[0].gain > least && !closes(c)).filter(self.few()).take(field.entrants);
+        let closes = |c: &&Vec<Candidate>| self.closes(c);
+        let open = screened.iter().filter(move |c| c[0].gain > least && !closes(c)).filter(self.few()).take(entrants);
         open.chain(screened.iter().filter(closes))
     }
 

@@ -72,31 +72,18 @@ mod tests {
 
     use crate::effects::Backlash;
     use crate::fit::search::{Effort, evaluate, join, maximise};
-    use crate::fit::setting::Point;
-    use crate::fixture::{Case, with_selected};
+    use crate::fixture::{hiding, point, with_selected};
 
     const GAP: f64 = 0.008;
 
     #[test]
     fn a_walk_leads_where_slopes_do_not() {
         let library: Vec<Box<dyn Effect>> = vec![Box::new(Backlash { at_motor: true, ..Backlash::default() })];
-        let mut case = Case::clean(3);
-        let there = |free: &[f64], gap: f64, spin_up: f64| [free, &[gap, spin_up, 0.05, 0.05, 1.0]].concat();
-        let clean = case.truth.clone();
-        let mut run = Vec::new();
-        with_selected(&case, &library, 0, |search, selected| {
-            let (x, starts) = (&selected.base.point.x, selected.base.point.starts.clone());
-            let hidden = Point { x: there(x, GAP, 0.04), starts };
-            run = search.setting.layout.series(&search.run_of(&[0], &hidden).unwrap());
-        });
-        for (stretch, (run, clean)) in case.data.stretches.iter_mut().zip(run.iter().zip(&clean)) {
-            for (c, output) in stretch.outputs.iter_mut().enumerate() {
-                output.iter_mut().zip(run[c].iter().zip(&clean[c])).for_each(|(y, (run, clean))| *y += run - clean);
-            }
-        }
+        let values = |gap: f64, spin_up: f64| [gap, spin_up, 0.05, 0.05, 1.0];
+        let case = hiding(3, &library, &[0], &values(GAP, 0.04));
         with_selected(&case, &library, 0, |search, selected| {
             let whitening = &selected.whitening;
-            let point = Point { x: there(&selected.base.point.x, 1.7 * GAP, 0.02), starts: selected.base.point.starts.clone() };
+            let point = point(&selected.base, search.setting.free(), &values(1.7 * GAP, 0.02));
             let mut runner = search.runner(&[0], &point).unwrap();
             let mut fit = evaluate(&search.setting, &mut runner, whitening, &point).unwrap();
             let likelihood = |fit: &crate::fit::search::Fit| fit.likelihood(&search.setting);

@@ -38,7 +38,7 @@ pub struct DeadZone {
 /// Shares of the threshold down to which a command that has passed is tried to go on.
 const RELEASES: [f64; 2] = [0.7, 0.4];
 /// The threshold that is tried with them, as a share of a typical command: where one was found already it starts from that.
-const HOLDING: [f64; 1] = [0.25];
+const HOLDING: f64 = 0.25;
 
 impl DeadZone {
     fn parts(&self, scene: &Scene) -> Parts {
@@ -96,7 +96,7 @@ impl Effect for DeadZone {
                 start.values.push(release);
                 start
             };
-            return shares(&sizes, &HOLDING).into_iter().flat_map(|start| RELEASES.map(|release| with(start.clone(), release))).collect();
+            return shares(&sizes, &[HOLDING]).into_iter().flat_map(|start| RELEASES.map(|release| with(start.clone(), release))).collect();
         }
         let mut all = shares(&sizes, &[0.02, 0.03, 0.045, 0.065, 0.09, 0.13, 0.18, 0.25, 0.35, 0.5, 0.6, 0.7, 0.82, 0.95, 1.1]);
         all.iter_mut().filter(|_| self.servo).for_each(|start| start.values.extend([1.0, 1.0]));

@@ -282,9 +282,8 @@ mod tests {
         CastorDrag, CastorKind, CommandDelay, CommandOffset, CoulombFriction, DirectionAsymmetry, FrictionLaw, QuadraticDrag,
         RollingResistance, SensorDelay, StribeckFriction,
     };
-    use crate::fit::search::{Fit, evaluate};
-    use crate::fit::setting::Point;
-    use crate::fixture::{Case, NOISE, normal, with_selected};
+    use crate::fit::search::evaluate;
+    use crate::fixture::{Case, NOISE, hiding, normal, point, with_selected};
 
     #[test]
     fn members_that_are_worth_nothing_go() {
@@ -311,26 +310,6 @@ mod tests {
             });
         }
         assert!(seen[0] > 0 && seen[1] > 0, "{seen:?}");
-    }
-
-    /// A point of a model with effects at these values, the base model's parameters as a fit has them.
-    fn point(fit: &Fit, free: usize, values: &[f64]) -> Point {
-        Point { x: [&fit.point.x[..free], values].concat(), starts: fit.point.starts.clone() }
-    }
-
-    /// A recording in which some effects of a library hide.
-    fn hiding(seed: u64, library: &[Box<dyn Effect>], effects: &[usize], values: &[f64]) -> Case {
-        let (mut case, mut run) = (Case::clean(seed), Vec::new());
-        with_selected(&case, library, 1, |search, selected| {
-            let there = point(&selected.base, search.setting.free(), values);
-            run = search.setting.layout.series(&search.run_of(effects, &there).unwrap());
-        });
-        for (stretch, (run, clean)) in case.data.stretches.iter_mut().zip(run.iter().zip(&case.truth)) {
-            for (c, output) in stretch.outputs.iter_mut().enumerate() {
-                output.iter_mut().zip(run[c].iter().zip(&clean[c])).for_each(|(y, (run, clean))| *y += run - clean);
-            }
-        }
-        case
     }
 
     #[test]
