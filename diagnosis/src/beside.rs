@@ -6,15 +6,17 @@
 //!
 //! v = V + (e/2) h W,   h ω = (e/2) V + (1 − t) h W,
 //!
-//! in means over a second, in which noise is small and delays do not matter.
+//! over spans of a second, in which noise is small. One of them may be late: turning that comes and goes in a few seconds would be less by a
+//! part in thirty for a tenth of a second of that, and what is left would hide as much, so they are held against each other on the clock on which they agree.
 
-use nalgebra::{Matrix2, Matrix3, Vector2, Vector3};
+use nalgebra::{Vector1, Vector2, Vector3};
+use wheelwright_core::Stretch;
 use wheelwright_core::effect::{Effect, Estimate, Frame, Scene};
 
-use crate::comparison::{blocks, wrapped};
 use crate::effects::{Speeds, TrackWidthError, WheelRadiusMismatch, digits};
 use crate::finding::{Finding, FoundParameter, settings};
 use crate::question::Question;
+use crate::spans::{Regression, Span, unwrapped};
 
 /// Standard deviations by which a coupling or a scale must differ: beyond what the search over all effects asks of one parameter.
 const DISTINCT: f64 = 5.0;
@@ -26,9 +28,6 @@ const SMALLEST_TRACK: f64 = 0.01;
 pub(crate) const MEASURED_TRACK: f64 = 0.03;
 /// Largest standard error, as a share, of a dimension that recorded rates tell: as well as a person measures it.
 const MEASURED: f64 = 0.02;
-/// Fewest seconds that are compared.
-const FEWEST: usize = 20;
-
 /// A number with its standard error.
 #[derive(Debug, Clone, Copy)]
 struct Measured {
@@ -96,48 +95,42 @@ fn holds(question: &Question<'_>, name: &str) -> bool {
     question.library.iter().any(|e| e.name() == name)
 }
 
-/// Turning by the heading against recorded velocities: Δφ over a second by their integrals, and a drift.
+/// Turning by the heading against recorded velocities: what it turned over a second by their integrals, and a drift.
 fn by_heading(question: &Question<'_>, headings: &[Vec<f64>], h: f64) -> Option<Relation> {
-    let mut rows: Vec<(Vector3<f64>, f64)> = Vec::new();
-    for (s, range) in blocks(question.training, 1.0) {
-        let (stretch, heading) = (&question.training.stretches[s], headings.get(s)?);
-        if range.end >= stretch.len() || heading.len() != stretch.len() {
-            continue;
-        }
-        let mut sums = Vector3::zeros();
-        let mut turned = 0.0;
-        for k in range {
-            let step = stretch.time[k + 1] - stretch.time[k];
-            let mean = |i: usize| 0.5 * (stretch.outputs[i][k] + stretch.outputs[i][k + 1]) * step;
-            sums += Vector3::new(mean(0), h * mean(1), step);
-            turned += h * wrapped(heading[k + 1] - heading[k]);
-        }
-        rows.push((sums, turned));
-    }
-    if rows.len() < FEWEST {
+    let stretches = &question.training.stretches;
+    if !stretches.iter().map(Stretch::len).eq(headings.iter().map(Vec::len)) {
         return None;
     }
-    let (square, right) = rows.iter().fold((Matrix3::zeros(), Vector3::zeros()), |(a, b), (x, y)| (a + x * x.transpose(), b + x * *y));
-    let inverse = square.try_inverse()?;
-    let found = inverse * right;
-    let left: f64 = rows.iter().map(|(x, y)| (y - x.dot(&found)).powi(2)).sum();
-    let variance = left / (rows.len() - 3) as f64;
-    let of = |i: usize, neutral: f64| Measured { value: found[i] - neutral, error: (variance * inverse[(i, i)]).sqrt() };
+    let turned: Vec<Vec<f64>> = headings.iter().map(|heading| unwrapped(heading)).collect();
+    let moved = moved(stretches);
+    let row = |span: &Span, by: f64| {
+        let (s, stretch) = (span.stretch, &stretches[span.stretch]);
+        let [forward, turning] = [0, 1].map(|i| span.covered(stretch, &moved[s][i], 0.0));
+        (Vector3::new(forward, h * turning, span.end - span.start), Vector1::new(h * span.covered(stretch, &turned[s], by)))
+    };
+    let regression = Regression::in_step(question.training, row)?;
+    let of = |i: usize, neutral: f64| Measured { value: regression.found[i] - neutral, error: regression.error(i, 0) };
     // Of what the velocities say it turned, the heading tells 1/(1 + t).
     Some(Relation { coupling: of(0, 0.0), turning: of(1, 1.0) })
 }
 
+/// What the outputs tell, summed up.
+fn moved(stretches: &[Stretch]) -> Vec<[Vec<f64>; 2]> {
+    stretches.iter().map(|s| [0, 1].map(|i| s.integral(&s.outputs[i]))).collect()
+}
+
 /// Recorded velocities against those of the wheels by the robot's dimensions.
 fn by_wheels(question: &Question<'_>, rates: &[[Vec<f64>; 2]], h: f64, radius: f64) -> Option<Relation> {
-    let Rolled { found, error } = rolled(question, rates, h, radius)?;
+    let regression = rolled(question, rates, h, radius)?;
+    let (found, error) = (regression.found, |i: usize, j: usize| regression.error(i, j));
     // Both equations tell the coupling: by their precision.
-    let weights = [error[(1, 0)].powi(-2), error[(0, 1)].powi(-2)];
+    let weights = [error(1, 0).powi(-2), error(0, 1).powi(-2)];
     let coupling = (found[(1, 0)] * weights[0] + found[(0, 1)] * weights[1]) / (weights[0] + weights[1]);
     let forward = found[(0, 0)];
     // A radius that both wheels share scales both alike.
     let turning = Measured {
         value: found[(1, 1)] / forward - 1.0,
-        error: (error[(1, 1)] / forward).hypot(error[(0, 0)] * found[(1, 1)] / (forward * forward)),
+        error: (error(1, 1) / forward).hypot(error(0, 0) * found[(1, 1)] / (forward * forward)),
     };
     Some(Relation { coupling: Measured { value: coupling, error: (weights[0] + weights[1]).powf(-0.5) }, turning })
 }
@@ -156,44 +149,30 @@ pub(crate) fn dimensions(question: &Question<'_>) -> Option<Dimensions> {
     if !matches!(Frame::of(question.model, 1.0), Frame::Body { .. }) {
         return None;
     }
-    let Rolled { found, error } = rolled(question, rates, 1.0, 1.0)?;
-    let sure = |i: usize| found[(i, i)] > 0.0 && error[(i, i)] < MEASURED * found[(i, i)];
+    let regression = rolled(question, rates, 1.0, 1.0)?;
+    let found = regression.found;
+    let sure = |i: usize| found[(i, i)] > 0.0 && regression.error(i, i) < MEASURED * found[(i, i)];
     let radius = found[(0, 0)];
     (sure(0) && sure(1))
         .then(|| Dimensions { wheel_radius: question.wheel_radius.unwrap_or(radius), track_width: 2.0 * radius / found[(1, 1)] })
 }
 
-/// What recorded v and h ω (columns) are of the wheels' means and half differences (rows), and the standard errors.
-struct Rolled {
-    found: Matrix2<f64>,
-    error: Matrix2<f64>,
-}
-
-/// Recorded velocities regressed on the wheels' rates, in means over a second.
-fn rolled(question: &Question<'_>, rates: &[[Vec<f64>; 2]], h: f64, radius: f64) -> Option<Rolled> {
-    let mut rows: Vec<(Vector2<f64>, Vector2<f64>)> = Vec::new();
-    for (s, range) in blocks(question.training, 1.0) {
-        let (stretch, rates) = (&question.training.stretches[s], rates.get(s)?);
-        if rates.iter().any(|r| r.len() != stretch.len()) {
-            continue;
-        }
-        let count = range.len() as f64;
-        let mean = |of: &dyn Fn(usize) -> f64| range.clone().map(of).sum::<f64>() / count;
-        let [left, right] = [0, 1].map(|side| radius * mean(&|k| rates[side][k]));
-        let told = Vector2::new(mean(&|k| stretch.outputs[0][k]), h * mean(&|k| stretch.outputs[1][k]));
-        rows.push((Vector2::new(0.5 * (left + right), 0.5 * (right - left)), told));
-    }
-    if rows.len() < FEWEST {
+/// Recorded v and h ω (columns of what is found) regressed on the wheels' means and half differences (rows), over spans of a second.
+fn rolled(question: &Question<'_>, rates: &[[Vec<f64>; 2]], h: f64, radius: f64) -> Option<Regression<2, 2>> {
+    let stretches = &question.training.stretches;
+    let whole = |(stretch, rates): (&Stretch, &[Vec<f64>; 2])| rates.iter().all(|rate| rate.len() == stretch.len());
+    if rates.len() != stretches.len() || !stretches.iter().zip(rates).all(whole) {
         return None;
     }
-    let square = rows.iter().fold(Matrix2::zeros(), |a, (x, _)| a + x * x.transpose());
-    let inverse: Matrix2<f64> = square.try_inverse()?;
-    let right = rows.iter().fold(Matrix2::zeros(), |a, (x, y)| a + x * y.transpose());
-    let found = inverse * right;
-    let left = rows.iter().fold(Vector2::zeros(), |a: Vector2<f64>, (x, y)| a + (y - found.transpose() * x).map(|r| r * r));
-    let variance = left / (rows.len() - 2) as f64;
-    let error = Matrix2::from_fn(|i, j| (variance[j] * inverse[(i, i)]).sqrt().max(f64::MIN_POSITIVE));
-    Some(Rolled { found, error })
+    let rolled: Vec<[Vec<f64>; 2]> = stretches.iter().zip(rates).map(|(s, rates)| [0, 1].map(|side| s.integral(&rates[side]))).collect();
+    let moved = moved(stretches);
+    let row = |span: &Span, by: f64| {
+        let (s, stretch) = (span.stretch, &stretches[span.stretch]);
+        let [left, right] = [0, 1].map(|side| radius * span.covered(stretch, &rolled[s][side], by));
+        let [forward, turning] = [0, 1].map(|i| span.covered(stretch, &moved[s][i], 0.0));
+        (Vector2::new(0.5 * (left + right), 0.5 * (right - left)), Vector2::new(forward, h * turning))
+    };
+    Regression::in_step(question.training, row)
 }
 
 /// A track error as a finding. Where a heading tells it, the recorded angular velocity is (1 + t) times the true one; where the wheels

@@ -1,6 +1,7 @@
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
 use super::*;
+use crate::comparison::wrapped;
 use crate::effects::library;
 use crate::fixture::{Case, NOISE, RADIUS, TRACK, normal};
 use rand::SeedableRng;
@@ -110,4 +111,16 @@ fn wheels_tell_dimensions_that_nobody_measured() {
     // What a person measured stands.
     question.track_width = Some(1.1 * TRACK);
     assert!(dimensions(&question).is_none());
+}
+
+/// Velocities that are recorded a fifth of a second after they were true are held against what tells them in time.
+#[test]
+fn a_late_record_tells_the_same_geometry() {
+    let mut case = Case::clean(24);
+    case.data.stretches.iter_mut().for_each(|stretch| stretch.outputs.iter_mut().for_each(|y| y.rotate_right(4)));
+    let (less, rates) = others(&case, |_, w| w / 1.07, |v, w| [v - H * w / 1.07, v + H * w / 1.07]);
+    let error = |found: Beside| found.track.unwrap().values[0];
+    let by_heading = error(ask(&case, Some(less), None, ""));
+    let by_wheels = error(ask(&case, None, Some(rates), ""));
+    assert!((by_heading - 0.07).abs() < 0.004 && (by_wheels - (1.0 / 1.07 - 1.0)).abs() < 0.004, "{by_heading} {by_wheels}");
 }

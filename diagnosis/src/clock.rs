@@ -8,22 +8,18 @@ use nalgebra::{Matrix3, Vector3};
 use wheelwright_core::Stretch;
 use wheelwright_core::effect::Frame;
 
-use crate::comparison::{blocks, wrapped};
 use crate::diagnose::DECISIVE;
 use crate::question::Question;
 use crate::select::{Search, Selected};
+use crate::spans::{FEWEST, Span, spans, unwrapped};
 
 /// The effects that are one but for the clock.
 const LATE_COMMANDS: &str = "command_delay";
 const LATE_RECORD: &str = "sensor_delay";
-/// Seconds over which motion is summed up: noise is small in that, and a delay still changes what begins and ends there.
-const SPAN: f64 = 1.0;
 /// Shares of the delay that was found by which the record is tried to be behind: none of it first, all of it fifth.
 const SHARES: [f64; 7] = [0.0, 0.25, 0.5, 0.75, 1.0, 1.25, 1.5];
 const NONE: usize = 0;
 const ALL: usize = 4;
-/// Fewest spans that are compared.
-const FEWEST: usize = 20;
 /// What other sensors differ by at the least, as a share of the motion: less is the same numbers once more, which say nothing of their time.
 const SAME: f64 = 1e-4;
 
@@ -128,13 +124,10 @@ impl Clock {
     /// What is late by one output: nothing where it cannot tell all of the delay from none; `Some(None)` where neither is the case.
     fn of_output(&self, question: &Question<'_>, output: usize, delay: f64) -> Option<Option<Late>> {
         let moved: Vec<Vec<f64>> = question.training.stretches.iter().map(|s| s.integral(&s.outputs[output])).collect();
-        let spans: Vec<Span> = blocks(question.training, SPAN)
+        let spans = spans(question.training, SHARES[SHARES.len() - 1] * delay, 0.0);
+        let spans: Vec<(f64, Span)> = spans
             .into_iter()
-            .filter_map(|(s, rows)| {
-                let (stretch, start) = (&question.training.stretches[s], rows.start);
-                let inside = rows.end < stretch.len() && stretch.time[start] - SHARES[SHARES.len() - 1] * delay >= stretch.time[0];
-                inside.then(|| Span { stretch: s, from: start, to: rows.end, moved: moved[s][rows.end] - moved[s][start] })
-            })
+            .map(|span| (span.covered(&question.training.stretches[span.stretch], &moved[span.stretch], 0.0), span))
             .collect();
         let (all, left): (Vec<f64>, Vec<f64>) =
             SHARES.map(|share| self.left(question, &spans, share * delay)).into_iter().collect::<Option<Vec<_>>>()?.into_iter().unzip();
@@ -152,16 +145,14 @@ impl Clock {
     }
 
     /// Sums of squares of an output's motion over spans, and of what of it this clock, so much earlier, does not tell.
-    fn left(&self, question: &Question<'_>, spans: &[Span], by: f64) -> Option<(f64, f64)> {
+    fn left(&self, question: &Question<'_>, spans: &[(f64, Span)], by: f64) -> Option<(f64, f64)> {
         if spans.len() < FEWEST {
             return None;
         }
-        let row = |span: &Span| {
-            let stretch = &question.training.stretches[span.stretch];
-            let [start, end] = [span.from, span.to].map(|row| stretch.time[row]);
-            let turned = |way: &Vec<f64>| at(&stretch.time, way, end - by) - at(&stretch.time, way, start - by);
+        let row = |(moved, span): &(f64, Span)| {
+            let told = |way: &Vec<f64>| span.covered(&question.training.stretches[span.stretch], way, by);
             let ways = &self.ways[span.stretch];
-            (Vector3::new(ways.first().map_or(0.0, turned), ways.get(1).map_or(0.0, turned), end - start), span.moved)
+            (Vector3::new(ways.first().map_or(0.0, told), ways.get(1).map_or(0.0, told), span.end - span.start), *moved)
         };
         let rows: Vec<(Vector3<f64>, f64)> = spans.iter().map(row).collect();
         let (square, right) = rows.iter().fold((Matrix3::zeros(), Vector3::zeros()), |(a, b), (x, y)| (a + x * x.transpose(), b + x * *y));
@@ -169,32 +160,6 @@ impl Clock {
         let left: f64 = rows.iter().map(|(x, y)| (y - x.dot(&found)).powi(2)).sum();
         Some((rows.iter().map(|(_, y)| y * y).sum(), left.max(f64::MIN_POSITIVE)))
     }
-}
-
-/// A part of a stretch, from one row to another.
-struct Span {
-    stretch: usize,
-    from: usize,
-    to: usize,
-    /// What an output covers in it.
-    moved: f64,
-}
-
-/// A heading without its jumps of a whole turn.
-fn unwrapped(heading: &[f64]) -> Vec<f64> {
-    let first = heading.first().copied();
-    let angles = heading.windows(2).scan(first.unwrap_or(0.0), |angle, pair| {
-        *angle += wrapped(pair[1] - pair[0]);
-        Some(*angle)
-    });
-    first.into_iter().chain(angles).collect()
-}
-
-/// A series at a time, straight between samples.
-fn at(time: &[f64], series: &[f64], t: f64) -> f64 {
-    let next = time.partition_point(|other| *other < t).clamp(1, time.len() - 1);
-    let share = (t - time[next - 1]) / (time[next] - time[next - 1]);
-    series[next - 1] + share * (series[next] - series[next - 1])
 }
 
 #[cfg(test)]
@@ -208,6 +173,7 @@ mod tests {
     use wheelwright_models::VwPdConfig;
 
     use super::*;
+    use crate::comparison::wrapped;
     use crate::effects::{CommandDelay, QuadraticDrag, SensorDelay};
     use crate::fixture::{Case, NOISE, RADIUS, TRACK, normal, with_selected};
 

@@ -2,6 +2,7 @@
 
 use wheelwright_core::effect::{Effect, Estimate, Scene};
 
+use crate::answer::COUNTED;
 use crate::effects::{LATENESS, digits};
 use crate::finding::{Alternative, Finding, FoundParameter, Verdict, settings};
 use crate::holdout::Transfer;
@@ -93,11 +94,10 @@ pub(crate) fn decide(weighed: Weighed<'_>) -> Decided {
     Decided { verdict, headline, effects, partial, warnings }
 }
 
-/// Counts that are differenced over the sampling interval are late by half of it: where the outputs were read at their time, what was found of that
-/// is theirs.
+/// Counts that are differenced over the sampling interval are late by half of it. Where the outputs were read at their time, what was found of that is
+/// theirs if the counts show; and if they do not, it may be.
 fn of_counts(findings: &mut Vec<Finding>, flags: &[Flag], effects: &[Box<dyn Effect>], scene: &Scene) {
     let tested = |test: &str| flags.iter().find(|flag| flag.test == test);
-    let Some((counts, _)) = tested("counts of the wheels").and_then(|flag| flag.effect.as_ref()) else { return };
     if tested("means over the interval").is_some() {
         return;
     }
@@ -105,10 +105,16 @@ fn of_counts(findings: &mut Vec<Finding>, flags: &[Flag], effects: &[Box<dyn Eff
     let is_late = |f: &Finding| effects.iter().any(|e| e.name() == f.name && e.family() == LATENESS);
     let by_half = |f: &Finding| f.parameters.iter().filter(|p| p.unit == "s").all(|p| (p.value - half).abs() < HALF * half);
     let Some(at) = findings.iter().position(|f| is_late(f) && by_half(f)) else { return };
-    let late = findings.remove(at);
     let because =
         format!("always, but for what is faster than the samples: differences of counts are late by half an interval, {} s", digits(half));
-    let alternative = Alternative { name: late.name, gap: 0.0, because, always: true, open: false };
+    let same_as = |name: &str| Alternative { name: name.to_owned(), gap: 0.0, because: because.clone(), always: true, open: false };
+    let Some((counts, _)) = tested("counts of the wheels").and_then(|flag| flag.effect.as_ref()) else {
+        let counting = effects.iter().find(|e| e.name() == COUNTED && e.inapplicable(scene).is_none());
+        findings[at].alternatives.extend(counting.map(|_| same_as(COUNTED)));
+        return;
+    };
+    let late = findings.remove(at);
+    let alternative = same_as(&late.name);
     findings.iter_mut().filter(|f| f.name == *counts).for_each(|f| f.alternatives.push(alternative.clone()));
 }
 
@@ -234,6 +240,12 @@ mod tests {
         assert_eq!(names(0.027, &["counts of the wheels"]), ["encoder_quantisation"]);
         assert_eq!(names(0.05, &["counts of the wheels"]), ["actuator_lag", "encoder_quantisation"]);
         assert_eq!(names(0.027, &["means over the interval", "counts of the wheels"]), ["actuator_lag", "encoder_quantisation"]);
+        // Counts that other noise covers may be what is late all the same.
+        let instead = |time: f64| -> Vec<String> {
+            let told = with(vec![late(time)], false, Transfer::Holds, Vec::new());
+            told.effects[0].alternatives.iter().map(|a| a.name.clone()).collect()
+        };
+        assert_eq!((instead(0.027), instead(0.05)), (vec!["encoder_quantisation".to_owned()], vec![]));
     }
 
     #[test]

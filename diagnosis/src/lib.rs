@@ -29,6 +29,7 @@ pub mod residuals;
 mod round;
 mod screen;
 mod select;
+mod spans;
 mod track;
 mod turns;
 mod unrounded;

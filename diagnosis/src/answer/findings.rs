@@ -65,7 +65,7 @@ pub(super) fn findings(search: &Search<'_>, selected: &Selected, rests: &[Option
             settings: settings(effect),
             delta_bic,
             holdout_gain: proof.gains[member],
-            alternatives: alternatives(search, effect, delta_bic, rivals),
+            alternatives: alternatives(search, effect, delta_bic, rivals).into_iter().chain(parts(search, effect)).collect(),
         });
         let told = |r: &&Rival| {
             all.last().is_some_and(|f: &Finding| f.alternatives.iter().any(|a| a.name == search.effect(r.effect).name() && a.open))
@@ -134,10 +134,40 @@ fn alternatives(search: &Search<'_>, found: &dyn Effect, worth: f64, rivals: &[R
     all
 }
 
+/// What an effect is that is two others at once: the plain ones of their families beside one another.
+fn parts(search: &Search<'_>, found: &dyn Effect) -> Vec<Alternative> {
+    let plain = |family: &str| search.open.iter().map(|i| search.effect(*i)).find(|effect| effect.family() == family);
+    let Some([Some(one), Some(other)]) = found.at_once().map(|families| families.map(plain)) else { return Vec::new() };
+    let part = |of: &dyn Effect, beside: &dyn Effect| Alternative {
+        name: of.name().to_owned(),
+        gap: 0.0,
+        because: format!("{ALWAYS}: beside `{}` it is the same motion", beside.name()),
+        always: true,
+        open: false,
+    };
+    vec![part(one, other), part(other, one)]
+}
+
 #[cfg(test)]
 mod tests {
-    use super::{MENTIONED, like_a_threshold, reach};
-    use crate::effects::{ActuatorLag, CommandOffset, CoulombFriction, DeadZone, SlewLimit};
+    use wheelwright_core::effect::Effect;
+
+    use super::{MENTIONED, like_a_threshold, parts, reach};
+    use crate::effects::{
+        ActuatorLag, CastorDrag, CastorKind, CommandOffset, CoulombFriction, DeadZone, FrictionLaw, RollingResistance, SlewLimit,
+    };
+    use crate::fixture::{Case, with_selected};
+
+    #[test]
+    fn what_is_two_at_once_is_said_to_be_either() {
+        let rolling = RollingResistance { castor: Some(CastorKind::Swivel) };
+        let (plain, soft) = (CoulombFriction::default(), CoulombFriction { law: FrictionLaw::Soft });
+        let library: Vec<Box<dyn Effect>> = vec![Box::new(plain), Box::new(soft), Box::new(CastorDrag::default()), Box::new(rolling)];
+        with_selected(&Case::clean(3), &library, 0, |search, _| {
+            let names = |i: usize| -> Vec<String> { parts(search, search.effect(i)).into_iter().map(|a| a.name).collect() };
+            assert_eq!((names(3), names(0)), (vec!["coulomb_friction".to_owned(), "castor_drag".to_owned()], vec![]));
+        });
+    }
 
     #[test]
     fn near_standstill_no_law_is_exact() {

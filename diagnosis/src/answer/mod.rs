@@ -29,7 +29,7 @@ use review::{beyond, following, means, nowhere, numerical, review};
 /// Two-sided 95 % point of the normal distribution.
 const TWO_SIDED_95: f64 = 1.959_964;
 /// The effect whose encoders' counts are recorded as means over the interval.
-const COUNTED: &str = "encoder_quantisation";
+pub(crate) const COUNTED: &str = "encoder_quantisation";
 
 /// A finished search.
 pub(crate) struct Story<'a> {
