@@ -114,6 +114,9 @@ fn flags(found: &Adequacy, comparison: &Comparison<'_>, explained: f64) -> Vec<F
     if let Some(line) = &found.order {
         flag("wheel-order line", line.power, 0.0, share(line.power), None);
     }
+    if let Some(rhythm) = &found.rhythm {
+        flag("rhythm", rhythm.power, 0.0, share(rhythm.power), None);
+    }
     if let Some(jitter) = &found.jitter {
         // Messages that are late by chance are late, which has a name already; and what a law misses of moments is loud where the robot accelerates.
         let ordinary = jitter.deviation < TICK.min(UNEVEN * comparison.scene.scales.period);

@@ -1,8 +1,9 @@
-//! Memory: a rest that is still alike when the robot itself and the filters of its sensors have forgotten. Something pushes the robot, or
+//! Memory: a rest that is still alike, or again, when the robot itself and the filters of its sensors have forgotten. Something pushes the robot, or
 //! drifts, that no command causes: wind, ground, a gyroscope's bias. Its coherence from sample to sample may well pass for coloured noise.
 //!
-//! The rest's autocorrelation is asked at a lag of [`LONG`], or of four of the output's time constants if that is more. Its standard error
-//! is Bartlett's for a rest that forgets before that lag (Journal of the Royal Statistical Society, Supplement 8, 1946).
+//! The rest's autocorrelation is asked at every lag from [`LONG`] on, or from four of the output's time constants if that is more: what swings is
+//! alike again after a whole swing. Its standard error is Bartlett's for a rest that forgets before the first of them (Journal of the Royal Statistical
+//! Society, Supplement 8, 1946).
 
 use statrs::distribution::{ContinuousCDF, Normal};
 
@@ -17,7 +18,7 @@ const LONG: f64 = 1.0;
 const FORGOTTEN: f64 = 4.0;
 /// Correlation at that lag that is a memory: a quarter of the variance was there before.
 pub(super) const LASTS: f64 = 0.25;
-/// Lags that a stretch must hold.
+/// Lags that a stretch must hold, and the longest one as many of the longest.
 const FEWEST: usize = 4;
 
 /// A rest that lasts.
@@ -25,7 +26,7 @@ const FEWEST: usize = 4;
 pub struct Memory {
     /// Which output.
     pub output: usize,
-    /// The lag \[s\].
+    /// The lag at which it is most alike \[s\].
     pub lag: f64,
     /// Correlation of the rest at that lag.
     pub correlation: f64,
@@ -42,19 +43,27 @@ pub(super) fn find(comparison: &Comparison<'_>) -> Option<Memory> {
 fn of(comparison: &Comparison<'_>, output: usize) -> Option<Memory> {
     let time_constant = Some(comparison.rates[output]).filter(|r| *r > 0.0).map_or(0.0, f64::recip);
     let lag = LONG.max(FORGOTTEN * time_constant);
-    let lags = (lag / comparison.scene.scales.period).round() as usize;
+    let period = comparison.scene.scales.period;
+    let lags = (lag / period).round() as usize;
     let rest = rest(comparison, output, lags)?;
     let variance = products(&rest, 0);
     let correlation = |k: usize| products(&rest, k) / variance;
-    // What forgets before the lag scatters the more, the longer it remembers.
+    // What forgets before the first lag scatters the more, the longer it remembers.
     let before: f64 = (1..lags).map(|k| correlation(k).powi(2)).sum();
-    let samples: usize = rest.iter().map(|r| r.len() - lags).sum();
+    let most = rest.iter().map(Vec::len).max()? / FEWEST;
+    let (at, lasts) = (lags..=most).map(|k| (k, correlation(k))).max_by(|a, b| a.1.total_cmp(&b.1))?;
+    let samples: usize = rest.iter().map(|r| r.len().saturating_sub(at)).sum();
     let error = ((1.0 + 2.0 * before) / samples as f64).sqrt();
-    let lasts = correlation(lags);
-    let chance = Normal::standard().inverse_cdf(1.0 - FALSE_ALARM / comparison.rates.len() as f64);
+    let looks = comparison.rates.len() * (most + 1 - lags);
+    let chance = Normal::standard().inverse_cdf(1.0 - FALSE_ALARM / looks as f64);
     let squares = |s: usize| (0..comparison.data.stretches[s].len()).map(move |k| comparison.misfit(s, output, k).powi(2)).sum::<f64>();
     let misfit: f64 = (0..comparison.data.stretches.len()).map(squares).sum();
-    (lasts > LASTS.max(chance * error)).then(|| Memory { output, lag, correlation: lasts, share: (lasts * variance / misfit).min(1.0) })
+    (lasts > LASTS.max(chance * error)).then(|| Memory {
+        output,
+        lag: at as f64 * period,
+        correlation: lasts,
+        share: (lasts * variance / misfit).min(1.0),
+    })
 }
 
 /// What is left of an output less its mean, in stretches that are long enough.

@@ -11,6 +11,7 @@ mod lattice;
 mod memory;
 mod orders;
 mod readout;
+mod rhythm;
 mod rounding;
 pub mod structure;
 mod sweep;
@@ -24,6 +25,7 @@ pub use memory::Memory;
 pub use orders::OrderLine;
 pub(crate) use orders::find as lined;
 pub use readout::Coarse;
+pub use rhythm::Rhythm;
 pub use rounding::Rounding;
 pub use structure::Structure;
 
@@ -32,7 +34,7 @@ use crate::effects::digits;
 use crate::fit::setting::Setting;
 use crate::noise::Noise;
 
-/// What the nine tests found.
+/// What the tests found.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Adequacy {
     /// Commands that are rounded.
@@ -47,6 +49,8 @@ pub struct Adequacy {
     pub memory: Option<Memory>,
     /// What returns with a wheel's turn.
     pub order: Option<OrderLine>,
+    /// What comes again at even times.
+    pub rhythm: Option<Rhythm>,
     /// Noise that grows with acceleration: of stamps that jitter, or of messages each of which comes late by a time of its own.
     pub jitter: Option<Jitter>,
     /// Outputs that are multiples of a quantum.
@@ -79,6 +83,7 @@ pub fn examine(comparison: &Comparison<'_>, seed: u64) -> Adequacy {
         events: if jitter.is_none() { events::find(comparison) } else { None },
         memory: memory::find(comparison),
         order: orders::find(comparison),
+        rhythm: rhythm::find(comparison),
         rounding: rounding::find(comparison),
         jitter,
         counts,
@@ -119,13 +124,16 @@ impl Adequacy {
         if let Some(Memory { output, lag, correlation, .. }) = &self.memory {
             let (name, of) = (name(*output), 100.0 * correlation);
             all.push(format!(
-                "{of:.0} % of what is left of {name} is still there after {lag:.1} s: a push or a drift that no command causes"
+                "{of:.0} % of what is left of {name} is there after {lag:.1} s still or again: a push or a drift that no command causes"
             ));
         }
         if let Some(OrderLine { wheel, order, kinematic, .. }) = &self.order {
             let side = ["left", "right"][*wheel];
             let kind = if *kinematic { "grows with speed: geometry" } else { "does not grow with speed: a torque" };
             all.push(format!("something returns {order:.2} times per turn of the {side} wheel and {kind}"));
+        }
+        if let Some(Rhythm { frequency, .. }) = self.rhythm {
+            all.push(format!("something comes again every {} s, whatever the robot does: no command causes it", digits(1.0 / frequency)));
         }
         if let Some(jitter) = &self.jitter {
             let size = 1e3 * jitter.deviation;

@@ -5,8 +5,7 @@
 
 use crate::comparison::Comparison;
 
-use super::bursts::FALSE_ALARM;
-use super::sweep::{Sweep, stands_out};
+use super::sweep::{self, powers, stands_out};
 
 /// Orders searched: below, a slow wander looks like a line; above, sampling rarely sees any.
 const ORDERS: (f64, f64) = (0.5, 12.5);
@@ -31,22 +30,24 @@ pub struct OrderLine {
 /// The strongest line, if there is one.
 pub(crate) fn find(comparison: &Comparison<'_>) -> Option<OrderLine> {
     let radius = comparison.scene.wheel_radius.filter(|_| comparison.scene.frame.has_wheels())?;
+    let innovations: Vec<Vec<f64>> = (0..comparison.outputs()).map(|i| comparison.innovations(i)).collect();
     let mut best: Option<OrderLine> = None;
     for wheel in 0..2 {
-        let angle: Vec<f64> = comparison.scene.tracks.iter().flat_map(|t| t.distance[wheel].iter().map(|d| d / radius)).collect();
+        let turned = |distance: &f64| distance / (radius * std::f64::consts::TAU);
+        let angle: Vec<f64> = comparison.scene.tracks.iter().flat_map(|t| t.distance[wheel].iter().map(turned)).collect();
         let speed: Vec<f64> = comparison
             .model
             .iter()
             .flat_map(|run| (0..run[0].len()).map(|k| comparison.scene.frame.wheels(&[run[0][k], run[1][k]])[wheel]))
             .collect();
-        let turns = angle.windows(2).map(|w| (w[1] - w[0]).abs()).sum::<f64>() / std::f64::consts::TAU;
+        let turns = angle.windows(2).map(|w| (w[1] - w[0]).abs()).sum::<f64>();
         if turns < 3.0 {
             continue;
         }
         let count = (((ORDERS.1 - ORDERS.0) * turns) as usize).clamp(32, MOST);
         let step = (ORDERS.1 - ORDERS.0) / count as f64;
         for kinematic in [false, true] {
-            let power = powers(comparison, &angle, kinematic.then_some(&speed), step, count);
+            let power = powers(&innovations, &angle, kinematic.then_some(&speed[..]), [ORDERS.0, step], count);
             let Some(line) = strongest(&power, step, wheel, kinematic, 8 * count) else { continue };
             if best.as_ref().is_none_or(|b| line.power > b.power) {
                 best = Some(line);
@@ -56,23 +57,11 @@ pub(crate) fn find(comparison: &Comparison<'_>) -> Option<OrderLine> {
     best
 }
 
-/// Power at each order, the largest over the outputs.
-fn powers(comparison: &Comparison<'_>, angle: &[f64], weight: Option<&Vec<f64>>, step: f64, count: usize) -> Vec<f64> {
-    let innovations: Vec<Vec<f64>> = (0..comparison.outputs()).map(|i| comparison.innovations(i)).collect();
-    let weighted: Vec<Vec<f64>> =
-        innovations.iter().map(|r| r.iter().enumerate().map(|(k, r)| r * weight.map_or(1.0, |w| w[k])).collect()).collect();
-    let norm = weight.map_or(angle.len() as f64, |w| w.iter().map(|x| x * x).sum::<f64>()) / 2.0;
-    let turns: Vec<f64> = angle.iter().map(|a| a / std::f64::consts::TAU).collect();
-    let mut powers = Sweep::new(&turns, ORDERS.0, step).powers(&weighted, count);
-    powers.iter_mut().for_each(|power| *power /= norm.max(f64::MIN_POSITIVE));
-    powers
-}
-
 fn strongest(power: &[f64], step: f64, wheel: usize, kinematic: bool, looks: usize) -> Option<OrderLine> {
-    let (at, &largest) = power.iter().enumerate().max_by(|a, b| a.1.total_cmp(b.1))?;
+    let (at, largest) = sweep::strongest(power, looks)?;
     let order = ORDERS.0 + at as f64 * step;
     // A peak at the lowest orders is a wander, whatever its height.
-    if order < 0.9 || largest < -2.0 * (FALSE_ALARM / looks as f64).ln() {
+    if order < 0.9 {
         return None;
     }
     let reach = ((NEIGHBOURHOOD * order / step) as usize).max(6);

@@ -2,6 +2,8 @@
 
 use std::f64::consts::TAU;
 
+use super::bursts::FALSE_ALARM;
+
 /// The phases of some places at a frequency, carried to the next one by a product each.
 pub(super) struct Sweep {
     phase: Vec<(f64, f64)>,
@@ -43,6 +45,25 @@ impl Sweep {
             *p = (p.0 * t.1 + p.1 * t.0, p.1 * t.1 - p.0 * t.0);
         }
     }
+}
+
+/// Power of series at each of so many frequencies over some places, with a weight at each place, the largest of the series: twice a log-likelihood ratio of
+/// a line there, of two degrees of freedom by chance, of series of unit variance.
+pub(super) fn powers(series: &[Vec<f64>], places: &[f64], weight: Option<&[f64]>, [first, step]: [f64; 2], count: usize) -> Vec<f64> {
+    let weighted: Vec<Vec<f64>> = match weight {
+        Some(weight) => series.iter().map(|s| s.iter().zip(weight).map(|(x, w)| x * w).collect()).collect(),
+        None => series.to_vec(),
+    };
+    let norm = weight.map_or(places.len() as f64, |w| w.iter().map(|x| x * x).sum::<f64>()) / 2.0;
+    let mut powers = Sweep::new(places, first, step).powers(&weighted, count);
+    powers.iter_mut().for_each(|power| *power /= norm.max(f64::MIN_POSITIVE));
+    powers
+}
+
+/// The strongest line and its power, if it is beyond chance in so many looks.
+pub(super) fn strongest(power: &[f64], looks: usize) -> Option<(usize, f64)> {
+    let (at, &largest) = power.iter().enumerate().max_by(|a, b| a.1.total_cmp(b.1))?;
+    (largest >= -2.0 * (FALSE_ALARM / looks as f64).ln()).then_some((at, largest))
 }
 
 /// A line stands out from its neighbourhood by this factor.

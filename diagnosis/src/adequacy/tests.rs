@@ -21,6 +21,7 @@ fn clean_recordings_raise_no_alarm() {
                 && found.events.is_none()
                 && found.memory.is_none()
                 && found.order.is_none()
+                && found.rhythm.is_none()
                 && found.rounding.is_none()
                 && found.jitter.is_none()
                 && found.lattices.is_empty()
@@ -48,6 +49,7 @@ fn heavy_tails_raise_no_alarm() {
                 && found.bursts.is_empty()
                 && found.events.is_none()
                 && found.order.is_none()
+                && found.rhythm.is_none()
                 && found.lattices.is_empty(),
             "{seed}: {found:?}"
         );
@@ -183,7 +185,7 @@ fn misfit_that_passes_for_slow_noise_is_structure_and_slow_noise_is_none() {
 }
 
 #[test]
-fn a_wind_that_lasts_for_seconds_is_a_memory_and_coloured_noise_is_none() {
+fn what_lasts_or_comes_again_is_a_memory_and_coloured_noise_is_none() {
     for seed in 0..20 {
         let mut noise = coloured(0.9);
         let sensors = Case::new(seed, |_, i, y, _, random| y + NOISE[i] * noise(i, random));
@@ -194,6 +196,12 @@ fn a_wind_that_lasts_for_seconds_is_a_memory_and_coloured_noise_is_none() {
             Case::new(seed, |_, i, y, _, random| y + NOISE[i] * (normal(random) + if i == 1 { 2.0 * wind(i, random) } else { 0.0 }));
         let memory = blown.compare(None, |c| examine(c, seed)).memory.unwrap();
         assert!(memory.output == 1 && memory.correlation > 0.25 && memory.share > 0.2, "{seed}: {memory:?}");
+        // What swings within two seconds is nothing of itself after one, and all of itself after two.
+        let swung =
+            Case::new(seed, |t, i, y, _, random| y + NOISE[i] * (normal(random) + if i == 0 { 2.0 * (3.1 * t).sin() } else { 0.0 }));
+        let memory = swung.compare(None, |c| examine(c, seed)).memory.unwrap();
+        let swings = memory.lag * 3.1 / std::f64::consts::TAU;
+        assert!(memory.output == 0 && (swings - swings.round()).abs() < 0.1 && memory.correlation > 0.5, "{seed}: {memory:?}");
     }
 }
 
@@ -222,6 +230,19 @@ fn commands_in_steps_are_a_rounding_and_a_dead_zone_is_none() {
     }
     // One step that holds all but the largest commands is a dead zone.
     assert_eq!(rounded(4, 0, 0.4, true).compare(None, |c| examine(c, 4)).rounding, None);
+}
+
+/// A push that comes and goes every seven seconds, along a heading that turns or not.
+#[test]
+fn a_swell_is_a_rhythm() {
+    for turning in [0.0, 0.3] {
+        let case = Case::new(4, |t, i, y, _, random| {
+            let swell = if i == 0 { 0.5 * (std::f64::consts::TAU / 7.0 * t).sin() * (turning * t).cos() } else { 0.0 };
+            y + NOISE[i] * (normal(random) + swell)
+        });
+        let rhythm = case.compare(None, |c| examine(c, 3)).rhythm.unwrap();
+        assert!((rhythm.frequency - 1.0 / 7.0).abs() < 0.02 + turning / std::f64::consts::TAU, "{rhythm:?}");
+    }
 }
 
 #[test]

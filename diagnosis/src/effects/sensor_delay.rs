@@ -1,4 +1,5 @@
-//! Measurements are late: what is recorded at t is what was at t − τ, with one τ for all outputs or one for each.
+//! Measurements are late: what is recorded at t is what was at t − τ, with one τ for all outputs or one for each, or the mean of what was from
+//! t − 2τ to t, which is as old on average.
 
 use serde::{Deserialize, Serialize};
 use wheelwright_core::Effect;
@@ -8,7 +9,7 @@ use wheelwright_core::simulation::Readout;
 use super::force;
 use super::late;
 use super::reading::mean;
-use super::words::quantity;
+use super::words::{quantity, scaled};
 
 /// A pure delay between motion and record: filters in a sensor, transport, stamps set on arrival.
 ///
@@ -23,6 +24,9 @@ pub struct SensorDelay {
     /// Whether each axis (or wheel, or channel) has a delay of its own.
     #[serde(skip_serializing_if = "std::ops::Not::not")]
     pub each_axis: bool,
+    /// Whether the record is a running mean, over twice the delay. Default `false`.
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    pub averaging: bool,
 }
 
 /// Longest delay considered \[s\].
@@ -35,7 +39,10 @@ impl Effect for SensorDelay {
     }
 
     fn about(&self) -> String {
-        "measurements are recorded some time after they were true".to_owned()
+        match self.averaging {
+            true => "measurements are recorded as running means, which are late by half of what they are taken over".to_owned(),
+            false => "measurements are recorded some time after they were true".to_owned(),
+        }
     }
 
     fn stage(&self) -> Stage {
@@ -58,6 +65,11 @@ impl Effect for SensorDelay {
         late::starts(self.each_axis, scene)
     }
 
+    /// A mean is as late as a delay, and differs by what is faster.
+    fn stands_in(&self) -> bool {
+        self.averaging
+    }
+
     fn statement(&self, values: &[Estimate], scene: &Scene) -> String {
         let said = match (self.each_axis, values) {
             (true, [v, omega, ..]) if scene.frame.has_wheels() => {
@@ -70,6 +82,10 @@ impl Effect for SensorDelay {
             (true, _) => {
                 let each = scene.outputs.iter().zip(values).map(|(y, v)| format!("`{}` {}", y.name, quantity(*v, "s")));
                 format!("what is recorded happened earlier: {}", each.collect::<Vec<_>>().join(", "))
+            }
+            (false, _) if self.averaging => {
+                let [over, late] = [2.0, 1.0].map(|times| quantity(scaled(values[0], |delay| times * delay), "s"));
+                format!("what is recorded is the mean of the last {over}, and {late} old")
             }
             (false, _) => format!("what is recorded happened {} earlier", quantity(values[0], "s")),
         };
@@ -101,7 +117,11 @@ impl Effect for SensorDelay {
         let (sum, seen) = state.split_at_mut(outputs.len());
         seen.copy_from_slice(outputs);
         for (i, delay) in p.iter().enumerate().filter(|(_, delay)| **delay > 0.0) {
-            if at.readout == Readout::IntervalMean && span > 0.0 {
+            let counted = at.readout == Readout::IntervalMean && span > 0.0;
+            if self.averaging {
+                let window = (2.0 * delay).max(if counted { span } else { 0.0 });
+                mean(at.time - window, window, past, sum, outputs);
+            } else if counted {
                 mean(at.time - delay - span, span, past, sum, outputs);
             } else {
                 past(at.time - delay, outputs);

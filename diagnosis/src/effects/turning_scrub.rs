@@ -5,6 +5,9 @@
 //! y = l |ω|/|s| is less than one. All of it acts when turning in place, and the less the faster a side rolls, l the patches' lever over the slip
 //! angle at which their friction is spent (Wong, Theory of Ground Vehicles, for the moment of skid steering). l large is a moment M sgn ω.
 //!
+//! `angle`: what cannot steer and rolls freely a lever l ahead of the axle, or behind it, slides across at the angle between where it points and where it goes;
+//! friction that is spent resists with its part across, a moment M l ω/√(v² + l² ω²).
+//!
 //! `skid`: dry friction of two axles. A robot that turns about the point where one axle stands drags the other one sideways: with even loads it is
 //! M = a μ m g that resists, a half the wheelbase, and otherwise what the lighter axle holds, M (1 − |d + v |ω|/G − c v'|): d by how much the
 //! weight is nearer to one axle, G = μ g, of which holding the curve takes the share v |ω|/G, and c = z/(g a) what accelerating a centre of mass at the
@@ -38,6 +41,8 @@ const EVEN: f64 = 0.05;
 const LEFT: f64 = 0.01;
 /// Radius of a turn over the patches' lever in which half of their friction acts: 1 − (1 − y)³ is a half at y = 0.206.
 const HALF: f64 = 4.847;
+/// The same of friction across a slip angle: its sine is a half where the tangent is 1/√3.
+const HALF_ACROSS: f64 = 1.732_050_8;
 
 /// How the resistance depends on speed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
@@ -46,6 +51,8 @@ pub enum ScrubLaw {
     /// Friction of contact patches: greatest when turning in place.
     #[default]
     Patch,
+    /// Friction across what rolls ahead of the axle or behind it.
+    Angle,
     /// Dry friction of the axle that carries less.
     Skid,
     /// Grows with the square of speed.
@@ -69,7 +76,7 @@ impl Effect for TurningScrub {
 
     fn about(&self) -> String {
         match self.law {
-            ScrubLaw::Patch => "sideways friction of the wheels against turning, greatest in place".to_owned(),
+            ScrubLaw::Patch | ScrubLaw::Angle => "sideways friction of the wheels against turning, greatest in place".to_owned(),
             ScrubLaw::Skid => "sideways friction of the axle that carries less, which changes as the robot speeds up".to_owned(),
             ScrubLaw::Understeer => "a resistance to turning that grows with the square of forward speed".to_owned(),
         }
@@ -92,7 +99,7 @@ impl Effect for TurningScrub {
         };
         let moment = || strength("moment", if sides { "V/m" } else { "rad/s" }, command / h);
         match self.law {
-            ScrubLaw::Patch => vec![moment(), EffectParameter::new("length", "m", (0.1 * h, 1000.0 * h), 0.3 * h)],
+            ScrubLaw::Patch | ScrubLaw::Angle => vec![moment(), EffectParameter::new("length", "m", (0.1 * h, 1000.0 * h), 0.3 * h)],
             ScrubLaw::Skid => vec![
                 moment(),
                 EffectParameter::new("uneven", "1", (-UNEVEN, UNEVEN), 0.1).neutral(0.0),
@@ -107,7 +114,7 @@ impl Effect for TurningScrub {
         let strength = self.parameters(scene)[0].scale;
         let start = |values: Vec<f64>| Start { values, columns: vec![vec![0]], linear: true };
         match self.law {
-            ScrubLaw::Patch => [0.4, 1.5, 6.0].map(|l| start(vec![strength, l * scene.frame.half_track()])).into(),
+            ScrubLaw::Patch | ScrubLaw::Angle => [0.4, 1.5, 6.0].map(|l| start(vec![strength, l * scene.frame.half_track()])).into(),
             ScrubLaw::Skid => {
                 [0.0, -0.2, 0.2].map(|uneven| start(vec![strength, uneven, SHIFTED / force::GRAVITY, SLIPPERY * force::GRAVITY])).into()
             }
@@ -118,16 +125,16 @@ impl Effect for TurningScrub {
     fn statement(&self, values: &[Estimate], scene: &Scene) -> String {
         let (h, unit) = (scene.frame.half_track(), force::unit(scene));
         match self.law {
-            ScrubLaw::Patch | ScrubLaw::Skid => {
+            ScrubLaw::Patch | ScrubLaw::Skid | ScrubLaw::Angle => {
                 let how = match self.law {
                     ScrubLaw::Skid => format!(
                         "by the friction of the axle that carries less, {} less for each m/s² by which the robot speeds up or slows down",
                         quantity(scaled(values[2], |c| 100.0 * c), "%")
                     ),
                     _ if values[1].value > DRY * h => "at whatever speed".to_owned(),
-                    _ => format!(
+                    law => format!(
                         "and half of that is left where the radius of the turn is {}",
-                        quantity(scaled(values[1], |l| HALF * l), "m")
+                        quantity(scaled(values[1], |l| l * if law == ScrubLaw::Angle { HALF_ACROSS } else { HALF }), "m")
                     ),
                 };
                 let moment = quantity(scaled(values[0], |m| m * h), unit);
@@ -158,7 +165,7 @@ impl Effect for TurningScrub {
 
     fn confusions(&self) -> &'static [Confusion] {
         match self.law {
-            ScrubLaw::Patch | ScrubLaw::Skid => &[
+            ScrubLaw::Patch | ScrubLaw::Skid | ScrubLaw::Angle => &[
                 Confusion {
                     with: "coulomb_friction",
                     because: "turning in place is braked by both alike; only friction at the wheels also brakes straight driving",
@@ -193,6 +200,7 @@ impl Effect for TurningScrub {
                 let spent = |side: f64| brush(p[1] * w.abs() / side.abs().max(floor));
                 0.5 * p[0] * w.signum() * frame.wheels(outputs).map(spent).iter().sum::<f64>()
             }
+            ScrubLaw::Angle => p[0] * p[1] * w / length([v, p[1] * w, KINK * at.scene.scales.speed]),
             ScrubLaw::Understeer => p[0] * v * v * w,
             ScrubLaw::Skid => return,
         };

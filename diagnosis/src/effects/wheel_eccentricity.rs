@@ -201,6 +201,19 @@ impl Effect for WheelEccentricity {
         format!("{}{radius}; the model's wheels were round", said.collect::<Vec<_>>().join(", "))
     }
 
+    /// No wheel carries more than the robot weighs: its force is that mass, which is no more than all inertia, by gravity.
+    fn beyond(&self, values: &[Estimate], [forward, _]: [f64; 2]) -> Option<String> {
+        let weight = values.get(2 * self.wheels().count()).filter(|_| self.ripple == Ripple::Rolling)?;
+        let least = weight.ci95.map_or(weight.value, |(lower, _)| lower);
+        (least > forward * force::GRAVITY).then(|| {
+            format!(
+                "what pushes {} a turn is {} times what the robot's weight could: it is no wheel off its centre",
+                self.often(),
+                digits(least / (forward * force::GRAVITY))
+            )
+        })
+    }
+
     fn excitation(&self) -> &'static str {
         "many turns of the wheels at a steady, not too high speed"
     }
@@ -253,5 +266,22 @@ impl Effect for WheelEccentricity {
             ripple[side] = speeds[side] * (pair[0] * cos + pair[1] * sin);
         }
         outputs.iter_mut().zip(frame.from_wheels(ripple)).for_each(|(x, d)| *x += d);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn no_wheel_carries_more_than_the_robot_weighs() {
+        let rolling = WheelEccentricity { wheel: Some(Wheel::Left), ripple: Ripple::Rolling, oval: false };
+        let said = |effect: &WheelEccentricity, weight: f64, half: f64| {
+            let estimates = [0.01, 0.02, weight, 0.0].map(|value| Estimate { value, ci95: Some((value - half, value + half)) });
+            effect.beyond(&estimates, [0.2, 0.2]).is_some()
+        };
+        // With 0.2 m/s of command for 1 m/s², the robot's weight is worth 1.96 m/s.
+        assert_eq!([said(&rolling, 1.9, 0.1), said(&rolling, 2.5, 1.0), said(&rolling, 2.5, 0.1)], [false, false, true]);
+        assert!(!said(&WheelEccentricity { ripple: Ripple::Reading, ..rolling }, 2.5, 0.1));
     }
 }

@@ -272,6 +272,10 @@ fn scrub_resists_turning() {
     };
     let error = rig.load_error(&patch, &[m, l], |[v, w]| [0.0, moment(wheels([v, w]), w)]);
     assert!(error < 3e-4, "{error}");
+    // Across what rolls on the centre line.
+    let across = |[v, w]: [f64; 2]| m * l * w / (v * v + (l * w).powi(2) + rig.kink.powi(2)).sqrt();
+    let error = rig.load_error(&TurningScrub { law: ScrubLaw::Angle }, &[m, l], |x| [0.0, across(x)]);
+    assert!(error < 3e-4, "{error}");
     let understeer = TurningScrub { law: ScrubLaw::Understeer };
     let error = rig.load_error(&understeer, &[0.8], |[v, w]| [0.0, 0.8 * v * v * w]);
     assert!(error < 1e-4, "{error}");

@@ -101,15 +101,34 @@ fn a_late_sensor_records_what_was() {
 }
 
 #[test]
+fn a_running_mean_is_of_twice_what_it_is_late() {
+    let rig = rig();
+    let tau = 0.064;
+    let time = rig.stretch().time.clone();
+    let truth = rig.truth(&time.iter().map(|t| t - 2.0 * tau).collect::<Vec<_>>());
+    let mean = SensorDelay { averaging: true, ..SensorDelay::default() };
+    let error = |readout: Readout| {
+        rig.difference(&rig.run(&mean, &[tau], readout), |k| {
+            let (now, before) = (at(&truth, time[k]), at(&truth, time[k] - 2.0 * tau));
+            [2, 3].map(|i| (now[i] - before[i]) / (2.0 * tau))
+        })
+    };
+    // A mean of what counts that are differenced tell goes back as far.
+    assert!(error(Readout::Instantaneous) < 5e-4, "{}", error(Readout::Instantaneous));
+    assert!(error(Readout::IntervalMean) < 5e-4, "{}", error(Readout::IntervalMean));
+    assert_eq!(rig.run(&mean, &[0.0], Readout::Instantaneous), rig.run(&SensorDelay::default(), &[0.0], Readout::Instantaneous));
+}
+
+#[test]
 fn a_sensor_of_each_axis_is_late_by_itself() {
     let rig = rig();
     let late = [0.021, 0.094];
     let time = rig.stretch().time.clone();
     let truth = rig.truth(&late.iter().flat_map(|tau| time.iter().map(move |t| t - tau)).collect::<Vec<_>>());
-    let run = rig.run(&SensorDelay { each_axis: true }, &late, Readout::Instantaneous);
+    let run = rig.run(&SensorDelay { each_axis: true, ..SensorDelay::default() }, &late, Readout::Instantaneous);
     let error = rig.difference(&run, |k| [0, 1].map(|i| at(&truth, time[k] - late[i])[i]));
     assert!(error < 5e-5, "{error}");
-    let one = rig.run(&SensorDelay { each_axis: true }, &[0.0, late[1]], Readout::Instantaneous);
+    let one = rig.run(&SensorDelay { each_axis: true, ..SensorDelay::default() }, &[0.0, late[1]], Readout::Instantaneous);
     let now = rig.run(&SensorDelay::default(), &[0.0], Readout::Instantaneous);
     let error = rig.difference(&one, |k| [now[0][k], run[1][k]]);
     assert!(error < 5e-5, "{error}");
