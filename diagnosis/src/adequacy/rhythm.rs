@@ -1,13 +1,13 @@
 //! Rhythm: something comes again and again at even times, whatever the robot does. A fan, a swell, a load that swings, a timer in the firmware: no command
 //! causes it, and its slow swing may well pass for coloured noise.
 //!
-//! The innovations' periodogram over time, as over wheel angle (`orders.rs`).
+//! The innovations' periodogram over time, as over wheel angle (`orders.rs`), of the longest stretch: gaps that come at even times would make lines of any.
 
 use crate::comparison::Comparison;
 
 use super::sweep::{powers, stands_out, strongest};
 
-/// Periods that a recording must hold.
+/// Periods that a stretch must hold.
 const FEWEST: f64 = 3.0;
 /// Highest frequency \[Hz\]: what is faster shakes, and an autoregression of a few samples has it as a resonance.
 const FASTEST: f64 = 2.0;
@@ -25,12 +25,13 @@ pub struct Rhythm {
 
 /// The strongest line, if there is one.
 pub(super) fn find(comparison: &Comparison<'_>) -> Option<Rhythm> {
-    let time: Vec<f64> = comparison.data.stretches.iter().flat_map(|s| s.time.iter().copied()).collect();
-    let whole = comparison.scene.scales.period * time.len() as f64;
+    let ranges = comparison.ranges().into_iter().zip(&comparison.data.stretches);
+    let (rows, stretch) = ranges.max_by_key(|(rows, _)| rows.len())?;
+    let whole = comparison.scene.scales.period * rows.len() as f64;
     let (first, step) = (FEWEST / whole, 1.0 / whole);
     let count = ((FASTEST - first) / step) as usize;
-    let innovations: Vec<Vec<f64>> = (0..comparison.outputs()).map(|i| comparison.innovations(i)).collect();
-    let power = powers(&innovations, &time, None, [first, step], count);
+    let innovations: Vec<Vec<f64>> = (0..comparison.outputs()).map(|i| comparison.innovations(i)[rows.clone()].to_vec()).collect();
+    let power = powers(&innovations, &stretch.time, None, [first, step], count);
     let (at, largest) = strongest(&power, innovations.len() * count)?;
     stands_out(&power, at, REACH).then_some(Rhythm { frequency: first + step * at as f64, power: largest })
 }
