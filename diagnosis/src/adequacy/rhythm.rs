@@ -11,8 +11,8 @@ use super::sweep::{powers, stands_out, strongest};
 const FEWEST: f64 = 3.0;
 /// Highest frequency \[Hz\]: what is faster shakes, and an autoregression of a few samples has it as a resonance.
 const FASTEST: f64 = 2.0;
-/// Frequencies to either side that count as neighbourhood.
-const REACH: usize = 12;
+/// Frequencies to either side that count as neighbourhood: what is pushed along a heading that turns makes two lines, and more than those.
+const REACH: usize = 40;
 
 /// A line of the residual in time.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -237,7 +237,7 @@ fn commands_in_steps_are_a_rounding_and_a_dead_zone_is_none() {
 fn a_swell_is_a_rhythm() {
     for turning in [0.0, 0.3] {
         let case = Case::new(4, |t, i, y, _, random| {
-            let swell = if i == 0 { 0.8 * (std::f64::consts::TAU / 7.0 * t).sin() * (turning * t).cos() } else { 0.0 };
+            let swell = if i == 0 { (std::f64::consts::TAU / 7.0 * t).sin() * (turning * t).cos() } else { 0.0 };
             y + NOISE[i] * (normal(random) + swell)
         });
         let rhythm = case.compare(None, |c| examine(c, 3)).rhythm.unwrap();
