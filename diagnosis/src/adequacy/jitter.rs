@@ -3,7 +3,7 @@
 //! A stamp that is wrong by ε moves a sample along the curve, y(t + ε) = y(t) + ẏ ε, so the residual's variance is s0² + σt² ẏ².
 //! Motion that the model misses grows with acceleration too, but goes on from one sample to the next, which stamps that are
 //! off by chance do not: products of neighbours are held against products of their slopes, and where they grow half as much as the squares
-//! it is no jitter; unless it goes on from one output to the other as well and is forgotten within a second: then the clock wanders. And one stamp moves all outputs of its row, each by its own slope: products of two outputs of a row grow with those of their slopes as
+//! it is no jitter. And one stamp moves all outputs of its row, each by its own slope: products of two outputs of a row grow with those of their slopes as
 //! squares do with squares, where it is the stamp that is off, and not where each output has a misfit of its own (play, a wheel that is missed). Rounding is loud as well where an output goes from step to step, and silent where it stays within one: behind little other noise only
 //! rows count in which it goes by a step and more. Nor can stamps that stand in order be off, for sure, by more than their distance.
 
@@ -15,9 +15,6 @@ use super::bursts::FALSE_ALARM;
 /// surely below all of it.
 const SHARED: f64 = 0.5;
 const BELOW: f64 = 2.0;
-
-/// After so long a clock that wanders is anywhere \[s\]: what still goes on is motion.
-const FORGOTTEN: f64 = 1.0;
 
 /// Squared innovations are cut here, so that single outliers decide nothing.
 const CUT: f64 = 9.0;
@@ -86,8 +83,7 @@ fn found_where(comparison: &Comparison<'_>, looked_at: &dyn Fn(usize, f64) -> bo
         slopes.extend(of.rows.iter().map(|k| of.slopes[*k].powi(2)));
     }
     let grown = growth(&squares, &slopes)?;
-    let apart = |lag: usize, across: bool| Products::apart(comparison, &seen, lag, across).growth(grown.variance);
-    let (Growth { still, .. }, neighbours) = (grown, apart(1, false));
+    let (Growth { still, .. }, neighbours) = (grown, Products::of_neighbours(comparison, &seen).growth(grown.variance));
     let Growth { variance, error, .. } = grown.with(Products::of_outputs(&seen).growth(grown.variance))?;
     // Where the variance is jitter's. The few samples at which an output jumps say no more of that than others at which it is.
     let mut shares = slopes.iter().map(|x| variance * x / (still + variance * x));
@@ -103,12 +99,7 @@ fn found_where(comparison: &Comparison<'_>, looked_at: &dyn Fn(usize, f64) -> bo
     if combined < limit || z.iter().any(|z| *z < 0.0) {
         return None;
     }
-    let wanders = |neighbours: &Shared| {
-        let forgotten = (FORGOTTEN / comparison.scene.scales.period).ceil() as usize;
-        let by_then = apart(forgotten, false).is_none_or(|later| later.variance + BELOW * later.error < SHARED * neighbours.variance);
-        by_then && apart(1, true).is_some_and(|both| both.variance > (SHARED * neighbours.variance).max(SURE * both.error))
-    };
-    let chance = neighbours.is_none_or(|n| n.variance < SHARED * variance || wanders(&n));
+    let chance = neighbours.is_none_or(|n| n.variance < SHARED * variance);
     let orderly = variance - SURE * error < comparison.scene.scales.period.powi(2);
     // Jitter is at home where an output changes fast, which may be seldom: what it makes counts where it makes it.
     let seen = variance * slopes.iter().map(|s| s * s).sum::<f64>() > COVERED * slopes.iter().sum::<f64>();
@@ -201,17 +192,13 @@ impl Products {
         self.of_slopes.push(a.slopes[k] * b.slopes[l]);
     }
 
-    /// Those of samples so many rows apart, of an output or across two of them.
-    fn apart(comparison: &Comparison<'_>, seen: &[Seen], lag: usize, across: bool) -> Self {
+    /// Those of neighbouring samples of an output.
+    fn of_neighbours(comparison: &Comparison<'_>, seen: &[Seen]) -> Self {
         let mut all = Self::default();
-        let ranges = comparison.ranges();
-        for (i, a) in seen.iter().enumerate() {
-            for (_, b) in seen.iter().enumerate().filter(|(j, _)| (*j != i) == across) {
-                for range in &ranges {
-                    let first = a.rows.iter().filter(|k| range.contains(*k) && range.contains(&(*k + lag)));
-                    let both = first.filter(|k| b.rows.binary_search(&(*k + lag)).is_ok());
-                    both.for_each(|k| all.push((a, *k), (b, k + lag)));
-                }
+        for of in seen {
+            for range in comparison.ranges() {
+                let neighbours = of.rows.windows(2).filter(|w| w[1] == w[0] + 1 && w.iter().all(|k| range.contains(k)));
+                neighbours.for_each(|w| all.push((of, w[0]), (of, w[1])));
             }
         }
         all

@@ -284,30 +284,6 @@ fn jittering_stamps_show_their_jitter() {
 }
 
 /// Less than a tenth of the noise's variance on the whole, but more where speeds change.
-/// A clock that is off by a little more or less at each sample, and comes back to the right time within some of them; and motion that is late by as
-/// much for as long in each output by itself, or for seconds in both.
-#[test]
-fn a_clock_may_wander_and_motion_does_not_in_both_outputs_alike() {
-    let off = |seed: u64, keeps: f64| {
-        let (white, mut at) = (stamps(seed), 0.0);
-        let wandering: Vec<f64> = (0..2200)
-            .map(|k| {
-                at = keeps * at + (1.0 - keeps * keeps).sqrt() * white(0.05 * f64::from(k));
-                at
-            })
-            .collect();
-        move |t: f64| wandering[(t / 0.05).round() as usize]
-    };
-    let jitters = |seed: u64, keeps: f64, apart: bool| {
-        let clocks = [off(seed, keeps), off(if apart { seed + 100 } else { seed }, keeps)];
-        let case = Case::new(seed, |t, i, y, slope, random| y + NOISE[i] * normal(random) + 0.02 * slope * clocks[i](t));
-        case.compare(None, |c| examine(c, seed)).jitter.is_some()
-    };
-    let count = |keeps: f64, apart: bool| (0..10).filter(|seed| jitters(*seed, keeps, apart)).count();
-    let counted = [count(0.7, false), count(0.7, true), count(0.99, false)];
-    assert!(counted[0] >= 8 && counted[1] == 0 && counted[2] == 0, "{counted:?}");
-}
-
 #[test]
 fn jitter_counts_where_it_scatters() {
     let jitters = |seed: u64| {

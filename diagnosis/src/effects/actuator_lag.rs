@@ -99,11 +99,6 @@ impl Effect for ActuatorLag {
         lags.iter().flat_map(|start| seconds.iter().map(|second| with(start, *second))).collect()
     }
 
-    /// What rings, or is two lags in series, is late as well.
-    fn stands_in(&self) -> bool {
-        self.resonant
-    }
-
     fn in_series(&self) -> bool {
         self.each_axis && !self.resonant
     }

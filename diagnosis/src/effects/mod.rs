@@ -174,6 +174,7 @@ fn command_side() -> Vec<Box<dyn Effect>> {
     for axis in [Axis::V, Axis::Omega] {
         all.push(Box::new(SlewLimit { axis: Some(axis), ..SlewLimit::default() }));
         all.push(Box::new(DeadZone { axis: Some(axis), ..DeadZone::default() }));
+        all.push(Box::new(DeadZone { axis: Some(axis), holding: true, ..DeadZone::default() }));
         all.push(Box::new(VelocitySaturation { axis: Some(axis), ..VelocitySaturation::default() }));
         all.push(Box::new(VelocitySaturation { axis: Some(axis), soft: true, ..VelocitySaturation::default() }));
     }

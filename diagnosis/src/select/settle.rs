@@ -193,7 +193,7 @@ impl<'a> Search<'a> {
         let own = selected.state.effects[member];
         let contains = |i: &&usize| {
             let (found, other) = (self.effect(own), self.effect(**i));
-            if other.name() == found.name() { self.is_form_of(own, other) } else { other.contains().contains(&found.name()) }
+            if other.name() == found.name() { self.is_form_of(own, **i) } else { other.contains().contains(&found.name()) }
         };
         let wide: Vec<usize> = self.open.iter().filter(contains).copied().collect();
         if wide.is_empty() {
@@ -218,7 +218,11 @@ impl<'a> Search<'a> {
     }
 
     /// Whether an effect has all that another one of its name has, and more.
-    fn is_form_of(&self, narrow: usize, wide: &dyn Effect) -> bool {
+    pub(super) fn is_form_of(&self, narrow: usize, wide: usize) -> bool {
+        let wide = self.effect(wide);
+        if wide.name() != self.effect(narrow).name() || wide.inapplicable(self.setting.scene).is_some() {
+            return false;
+        }
         let all = wide.parameters(self.setting.scene).len();
         self.as_part_of(narrow, wide, &vec![0.0; all]).is_some_and(|own| own.len() < all)
     }
