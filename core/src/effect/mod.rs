@@ -299,8 +299,7 @@ pub trait Effect: Debug + Send + Sync {
     fn statement(&self, values: &[Estimate], scene: &Scene) -> String;
 
     /// What fitted values say that is more than this effect: a filter that rings has something elastic in it. In a sentence; `None` if nothing.
-    /// `inertia` is the forward and the turning input that the model needs for a unit of forward and turning acceleration.
-    fn beyond(&self, _values: &[Estimate], _inertia: [f64; 2]) -> Option<String> {
+    fn beyond(&self, _values: &[Estimate]) -> Option<String> {
         None
     }
 

@@ -24,7 +24,7 @@ pub(crate) use proof::{clocks, proven};
 
 use findings::findings;
 use proof::Proven;
-use review::{beyond, following, inertia, means, nowhere, numerical, review};
+use review::{beyond, following, means, nowhere, numerical, review};
 
 /// Two-sided 95 % point of the normal distribution.
 const TWO_SIDED_95: f64 = 1.959_964;
@@ -81,9 +81,8 @@ pub(crate) fn tell(
     let proof = Proven::new(question, &story, rests);
     let (findings, open) = findings(search, selected, rests, &proof);
     let (mut flags, location) = review(question, &story, &findings)?;
-    let needs = inertia(setting, &setting.map.theta(&selected.state.fit.point.x[..setting.free()]))?;
     let found = search.effects(&selected.state.effects);
-    flags.extend(found.iter().zip(&findings).filter_map(|(effect, finding)| beyond(*effect, finding, setting.scene, needs)));
+    flags.extend(found.iter().zip(&findings).filter_map(|(effect, finding)| beyond(*effect, finding, setting.scene)));
     if !numerical(setting, &selected.state.fit) {
         flags.extend(following(setting, noise, &selected.base));
     }

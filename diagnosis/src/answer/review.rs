@@ -1,7 +1,6 @@
 //! What is left over: tests without a library on what the final model leaves, and where the base model is off.
 
 use wheelwright_core::effect::{Effect, Estimate, Scene};
-use wheelwright_core::model::ModelError;
 
 use crate::adequacy;
 use crate::effects::digits;
@@ -118,9 +117,9 @@ pub(super) fn following(setting: &Setting<'_>, noise: &Noise, base: &Fit) -> Opt
 }
 
 /// What a finding's values say that its effect does not explain: all of it is left over.
-pub(super) fn beyond(effect: &dyn Effect, finding: &Finding, scene: &Scene, inertia: [f64; 2]) -> Option<Flag> {
+pub(super) fn beyond(effect: &dyn Effect, finding: &Finding, scene: &Scene) -> Option<Flag> {
     let estimates: Vec<Estimate> = finding.parameters.iter().map(|p| Estimate { value: p.value, ci95: p.ci95 }).collect();
-    let statement = effect.beyond(&estimates, inertia).or_else(|| impossible(effect, &estimates, scene))?;
+    let statement = effect.beyond(&estimates).or_else(|| impossible(effect, &estimates, scene))?;
     Some(Flag {
         test: "values beyond the effect",
         value: 1.0,
@@ -130,22 +129,6 @@ pub(super) fn beyond(effect: &dyn Effect, finding: &Finding, scene: &Scene, iner
         effect: None,
         instead: Vec::new(),
     })
-}
-
-/// The forward and the turning input that a model needs for a unit of forward and turning acceleration: infinite where there are no such axes.
-pub(super) fn inertia(setting: &Setting<'_>, theta: &[f64]) -> Result<[f64; 2], ModelError> {
-    let frame = setting.scene.frame;
-    if !frame.has_wheels() {
-        return Ok([f64::INFINITY; 2]);
-    }
-    let rest = vec![0.0; setting.layout.outputs()];
-    let answer = |axes: [f64; 2]| {
-        let mut acceleration = rest.clone();
-        setting.model.accelerations(theta, &frame.from_body(axes), &rest, &mut acceleration)?;
-        Ok(frame.body(&acceleration))
-    };
-    let ([forward, turning], [there, round]) = (answer([1.0, 1.0])?, answer([-1.0, -1.0])?);
-    Ok([2.0 / (forward - there), 2.0 / (turning - round)])
 }
 
 /// What says that an effect would have to be larger than it can be, where the data show that it is there at all.

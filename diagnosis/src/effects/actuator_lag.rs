@@ -125,7 +125,7 @@ impl Effect for ActuatorLag {
 
     /// Lags in series never overshoot, and a loop of second order that is tuned well has no peak in its response: below a damping of 1/√2 it
     /// has one.
-    fn beyond(&self, values: &[Estimate], _inertia: [f64; 2]) -> Option<String> {
+    fn beyond(&self, values: &[Estimate]) -> Option<String> {
         let damping = values.last().filter(|_| self.resonant)?;
         let most = damping.ci95.map_or(damping.value, |(_, upper)| upper);
         let hertz = digits(1.0 / (std::f64::consts::TAU * values[0].value));

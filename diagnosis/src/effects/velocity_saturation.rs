@@ -126,7 +126,7 @@ impl Effect for VelocitySaturation {
         self.recorded
     }
 
-    fn beyond(&self, values: &[Estimate], _inertia: [f64; 2]) -> Option<String> {
+    fn beyond(&self, values: &[Estimate]) -> Option<String> {
         let limit = values.first().filter(|_| self.recorded)?;
         Some(format!("what ends at {} is what is recorded, and not the speed of the robot: its sensor shows no more", digits(limit.value)))
     }

@@ -7,13 +7,14 @@
 //! `rolling`: the wheel itself is, and the ground's own speed is recorded. A loop that keeps the wheel's rate drives the ground speed by
 //! s ε, which the robot's inertia follows as it follows a command: a load −s ε. The wheel and its motor are sped up and slowed down once a turn,
 //! and push the robot by that: a load −τ (s ε)', of which the greater part is −τ s²/r ε', ε' the change of ε over the wheel's angle. The axle rises
-//! and falls with the radius, and the weight on the wheel pushes it: a load κ ε'. Both count in turning by the turning ratio ρ. Where the radius
+//! and falls with the radius, and the weight on the wheel pushes it: a load κ ε', κ = c g θ1 with the share c of the robot's weight that it carries (θ1 is what
+//! the model needs for a unit of acceleration, and no wheel carries more than all: what pushes harder is no weight). Both count in turning by the turning ratio ρ. Where the radius
 //! grows or shrinks the wheel stands on a point r ε' ahead of its axle or behind it, which a turn drags sideways, while the other wheel holds the
 //! axle: friction μ of the weight resists, a load ρ μ r/(2h²) κ |ε'| sgn ω on the turning command.
 
 use serde::{Deserialize, Serialize};
 use wheelwright_core::Effect;
-use wheelwright_core::effect::{Confusion, EffectParameter, Estimate, Instant, Scene, Stage, Start};
+use wheelwright_core::effect::{Confusion, EffectParameter, Estimate, Instant, Motion, Scene, Stage, Start};
 
 use super::force::{self, Wheel};
 use super::words::{digits, quantity, smooth_sign};
@@ -113,7 +114,7 @@ impl Effect for WheelEccentricity {
     fn stage(&self) -> Stage {
         match self.ripple {
             Ripple::Reading => Stage::Sensor,
-            Ripple::Rolling => Stage::Load,
+            Ripple::Rolling => Stage::Drive,
         }
     }
 
@@ -140,8 +141,7 @@ impl Effect for WheelEccentricity {
             |name: &str, wheel: Wheel| EffectParameter::new(name, "1", (-0.5, 0.5), 0.02).neutral(0.0).of("wheel", wheel.word());
         let mut all: Vec<EffectParameter> = self.wheels().flat_map(|w| [amplitude("cosine", w), amplitude("sine", w)]).collect();
         if self.ripple == Ripple::Rolling {
-            let size = 0.5 * force::command(scene, 0);
-            all.push(EffectParameter::new("weight", force::unit(scene), (0.0, f64::INFINITY), size).neutral(0.0));
+            all.push(EffectParameter::new("carried", "1", (0.0, 1.0), 0.2).neutral(0.0));
             all.push(force::spin_up());
             all.push(EffectParameter::new("scrub", "1", (0.0, MOST_FRICTION), 0.2).neutral(0.0));
             all.extend(force::turning_ratio(scene));
@@ -201,19 +201,6 @@ impl Effect for WheelEccentricity {
         format!("{}{radius}; the model's wheels were round", said.collect::<Vec<_>>().join(", "))
     }
 
-    /// No wheel carries more than the robot weighs: its force is that mass, which is no more than all inertia, by gravity.
-    fn beyond(&self, values: &[Estimate], [forward, _]: [f64; 2]) -> Option<String> {
-        let weight = values.get(2 * self.wheels().count()).filter(|_| self.ripple == Ripple::Rolling)?;
-        let least = weight.ci95.map_or(weight.value, |(lower, _)| lower);
-        (least > forward * force::GRAVITY).then(|| {
-            format!(
-                "what pushes {} a turn is {} times what the robot's weight could: it is no wheel off its centre",
-                self.often(),
-                digits(least / (forward * force::GRAVITY))
-            )
-        })
-    }
-
     fn excitation(&self) -> &'static str {
         "many turns of the wheels at a steady, not too high speed"
     }
@@ -228,29 +215,30 @@ impl Effect for WheelEccentricity {
         ]
     }
 
-    fn load(&self, p: &[f64], at: &Instant<'_>, outputs: &[f64], _state: &[f64], load: &mut [f64]) {
+    fn drive(&self, p: &[f64], at: &Instant<'_>, motion: &Motion<'_>, _state: &[f64], drive: &mut [f64]) {
         let (frame, Some((radius, rest))) = (at.scene.frame, p.split_last()) else { return };
         if self.ripple == Ripple::Reading {
             return;
         }
-        let (speeds, (amplitudes, rest)) = (frame.wheels(outputs), rest.split_at(2 * self.wheels().count()));
-        let &[weight, spin_up, friction, ..] = rest else { return };
-        let ratio = rest.get(3).copied().unwrap_or(1.0);
+        let (outputs, (amplitudes, rest)) = (motion.outputs, rest.split_at(2 * self.wheels().count()));
+        let &[carried, spin_up, friction, ..] = rest else { return };
+        let (speeds, ratio) = (frame.wheels(outputs), rest.get(3).copied().unwrap_or(1.0));
+        let weight = carried * force::GRAVITY * force::inertia(&frame, motion)[0];
         let (mut driven, mut pushed, mut ahead) = ([0.0; 2], [0.0; 2], [0.0; 2]);
         for (wheel, pair) in self.wheels().zip(amplitudes.chunks_exact(2)) {
             let side = wheel.index();
             let (sin, cos) = self.angle(pair, at.distance(side) / radius);
             let growing = self.per_turn() * (pair[1] * cos - pair[0] * sin);
-            driven[side] = -speeds[side] * (pair[0] * cos + pair[1] * sin);
-            pushed[side] = (weight - spin_up * speeds[side].powi(2) / radius) * growing;
+            driven[side] = speeds[side] * (pair[0] * cos + pair[1] * sin);
+            pushed[side] = (spin_up * speeds[side].powi(2) / radius - weight) * growing;
             ahead[side] = growing;
         }
         // What the loop is told is no force: it counts alike on both axes.
-        frame.add_at_wheels(driven, 1.0, load);
-        frame.add_at_wheels(pushed, ratio, load);
+        frame.add_at_wheels(driven, 1.0, drive);
+        frame.add_at_wheels(pushed, ratio, drive);
         let (h, [_, w]) = (frame.half_track(), frame.body(outputs));
         let dragged = friction * weight * radius / (2.0 * h * h) * (ahead[0] - ahead[1]).abs();
-        frame.add_at_body([0.0, ratio * dragged * smooth_sign(h * w, at.scene.scales.speed)], load);
+        frame.add_at_body([0.0, -ratio * dragged * smooth_sign(h * w, at.scene.scales.speed)], drive);
     }
 
     fn measure(&self, p: &[f64], at: &Instant<'_>, _past: &dyn Fn(f64, &mut [f64]), _state: &mut [f64], outputs: &mut [f64]) {
@@ -266,22 +254,5 @@ impl Effect for WheelEccentricity {
             ripple[side] = speeds[side] * (pair[0] * cos + pair[1] * sin);
         }
         outputs.iter_mut().zip(frame.from_wheels(ripple)).for_each(|(x, d)| *x += d);
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn no_wheel_carries_more_than_the_robot_weighs() {
-        let rolling = WheelEccentricity { wheel: Some(Wheel::Left), ripple: Ripple::Rolling, oval: false };
-        let said = |effect: &WheelEccentricity, weight: f64, half: f64| {
-            let estimates = [0.01, 0.02, weight, 0.0].map(|value| Estimate { value, ci95: Some((value - half, value + half)) });
-            effect.beyond(&estimates, [0.2, 0.2]).is_some()
-        };
-        // With 0.2 m/s of command for 1 m/s², the robot's weight is worth 1.96 m/s.
-        assert_eq!([said(&rolling, 1.9, 0.1), said(&rolling, 2.5, 1.0), said(&rolling, 2.5, 0.1)], [false, false, true]);
-        assert!(!said(&WheelEccentricity { ripple: Ripple::Reading, ..rolling }, 2.5, 0.1));
     }
 }

@@ -525,10 +525,10 @@ fn a_drive_that_rings_is_more_than_a_lag() {
     let lag = ActuatorLag { resonant: true, ..ActuatorLag::default() };
     let at = |damping: f64, half: f64| {
         let values = [(0.05, 0.001), (damping, half)];
-        lag.beyond(&values.map(|(value, half)| Estimate { value, ci95: Some((value - half, value + half)) }), [0.2, 0.2])
+        lag.beyond(&values.map(|(value, half)| Estimate { value, ci95: Some((value - half, value + half)) }))
     };
     assert!(at(0.3, 0.02).is_some_and(|s| s.contains("3.18 Hz")), "{:?}", at(0.3, 0.02));
     assert_eq!(at(0.9, 0.02), None);
     assert_eq!(at(0.6, 0.3), None, "it may as well not ring");
-    assert_eq!(ActuatorLag::default().beyond(&[Estimate { value: 0.05, ci95: None }], [0.2, 0.2]), None);
+    assert_eq!(ActuatorLag::default().beyond(&[Estimate { value: 0.05, ci95: None }]), None);
 }

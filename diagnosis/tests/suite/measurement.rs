@@ -1,7 +1,7 @@
 //! Effects between motion and record against integrations with very small steps, each equation written anew.
 
 use crate::common::{HALF_TRACK, THETA, base, data, held, model, reference};
-use wheelwright_core::effect::{Effect, EffectSimulator, Instant, Scene};
+use wheelwright_core::effect::{Effect, EffectSimulator, Instant, Motion, Scene};
 use wheelwright_core::simulation::Readout;
 use wheelwright_core::{Dataset, RegressorModel, Stretch};
 use wheelwright_diagnosis::effects::{
@@ -206,14 +206,17 @@ fn an_eccentric_wheel_ripples_once_a_turn() {
 fn a_wheel_off_its_axle_is_driven_unevenly_carries_weight_is_sped_up_and_scrubs() {
     let rig = rig();
     let effect = WheelEccentricity { wheel: Some(Wheel::Left), ripple: Ripple::Rolling, oval: false };
-    let (a, b, weight, spin_up, scrub, ratio, radius) = (0.03, -0.05, 0.4, 0.04, 1.2, 1.7, 0.093);
+    let (a, b, carried, spin_up, scrub, ratio, radius) = (0.03, -0.05, 0.3, 0.04, 1.2, 1.7, 0.093);
+    // Where a metre a second squared takes 0.2 m/s of command, the robot's weight is worth 1.96 m/s.
+    let weight = carried * 0.2 * 9.80665;
     let row = rig.stretch().len() / 2;
     let at = Instant::of_sample(rig.stretch(), row, &rig.scene.tracks[0], &rig.scene, Readout::Instantaneous);
     let (v, w) = (0.35, -0.8);
     let loads = |spin_up: f64, scrub: f64| {
-        let mut load = [0.0; 2];
-        effect.load(&[a, b, weight, spin_up, scrub, ratio, radius], &at, &[v, w], &[], &mut load);
-        load
+        let mut drive = [0.0; 2];
+        let motion = Motion { u: &[0.0; 2], outputs: &[v, w], inertia: &[0.2, 0.0, 0.0, 0.1], drag: &[0.0; 4], held: &[0.0; 2] };
+        effect.drive(&[a, b, carried, spin_up, scrub, ratio, radius], &at, &motion, &[], &mut drive);
+        drive.map(|drive| -drive)
     };
     let phase = angle(rig.scene.tracks[0].distance[0][row] / radius, a, b);
     // The loop keeps s (1 − ε) where it would keep s; the weight pushes the left wheel, and so does what a wheel and its motor take to follow
