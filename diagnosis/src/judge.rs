@@ -6,7 +6,8 @@
 //! let them go (`leeway.rs`).
 //!
 //! What the training data show to be too little beside what was explained to be more than the imperfect form of that, joins if the held-out data want
-//! it as decisively: another kind of driving shows how a law is imperfect elsewhere.
+//! it as decisively and, once all is fitted to the end beside it, it is more after all: another kind of driving shows how a law is imperfect elsewhere, and that is
+//! no cause.
 //!
 //! So does the wider law of two, friction by direction and plain friction, that the training data hardly tell apart.
 //!
@@ -232,7 +233,11 @@ impl<'q> Bench<'q> {
             return None;
         }
         let own = self.missed(search, selected)?;
-        let joined = || search.joined_by_little(selected, first).filter(|more| self.better(search, &more.state, &selected.state));
+        let joined = || {
+            search
+                .joined_by_little(selected, first)
+                .filter(|more| more_than_form(search, more) && self.better(search, &more.state, &selected.state))
+        };
         // A wider law is one cause, a further effect another: a castor that rolls as heavily as the driven wheels do is no castor that drags.
         self.widened(search, selected, own).or_else(|| if search.full(selected) { None } else { joined() })
     }
@@ -319,6 +324,13 @@ impl<'q> Bench<'q> {
     }
 }
 
+/// Whether the last member of a selection, once all is fitted to the end beside it, is more than the imperfect form of what the others explain.
+fn more_than_form(search: &Search<'_>, selected: &Selected) -> bool {
+    let last = selected.state.effects.len() - 1;
+    let rest = search.without(selected, last);
+    rest.is_some_and(|rest| search.worth(selected, &rest) >= SHARE * selected.gained(&search.setting, &rest.fit))
+}
+
 /// Whether two losses differ by no more than the form of a law is inexact, beside what the better one takes off that of the base model.
 fn inexact(plain: f64, a: f64, b: f64) -> bool {
     (a / b).ln().abs() < SHARE * (plain / a.min(b)).ln()
@@ -338,7 +350,7 @@ mod tests {
 
     use super::*;
     use crate::effects::{CoulombFriction, QuadraticDrag};
-    use crate::fixture::{Case, NOISE, normal, with_selected};
+    use crate::fixture::{Case, NOISE, hiding, normal, with_selected};
 
     #[test]
     fn what_hardly_anything_spoke_for_goes_where_other_data_speak_against_it() {
@@ -368,6 +380,22 @@ mod tests {
             });
         }
         assert!(seen > 0);
+    }
+
+    #[test]
+    fn a_trace_beside_a_large_effect_is_its_form() {
+        let library: Vec<Box<dyn Effect>> = vec![Box::new(CoulombFriction::default()), Box::new(QuadraticDrag::default())];
+        let more = |drag: f64| {
+            let mut more = None;
+            let case = hiding(5, &library, &[0, 1], &[0.1, 1.0, drag, 0.0, 2.0]);
+            with_selected(&case, &library, 2, |search, selected| {
+                let rest = search.without(&selected, 1).unwrap();
+                more = Some((super::more_than_form(search, &selected), search.worth(&selected, &rest) > MENTIONED));
+            });
+            more.unwrap()
+        };
+        // The evidence of the one is 32 of 3800, that of the other 240.
+        assert_eq!([more(0.4), more(2.0)], [(false, true), (true, true)]);
     }
 
     #[test]
