@@ -120,11 +120,11 @@ impl<'a> Search<'a> {
         let mut refined = self.refine(&rest, &selected.whitening, &others, &responses, &field).alone;
         // Of the forms of one cause no more than a few race.
         let left_behind = |i: usize| self.is_form_of(dropped, i) && !refined.iter().any(|r| r.effect == i);
-        let tried: Vec<usize> = (0..self.library.len()).filter(|i| self.stands_in(*i, dropped) || left_behind(*i)).collect();
-        let tried = tried.into_iter().filter(|i| self.joins(*i, &rest.effects));
+        let tried = |i: &usize| (self.stands_in(*i, dropped) || left_behind(*i)) && self.joins(*i, &rest.effects);
+        let tried: Vec<usize> = (0..self.library.len()).filter(tried).collect();
         // From where the member is: of what only stands in for it nothing is to be seen without it.
         let placed = |i: usize| self.placed(i, self.starts_at(i, &selected.state, &[member]), &unbent, selected, &rest);
-        refined.extend(tried.filter_map(placed));
+        refined.extend(tried.into_iter().filter_map(placed));
         refined.sort_by(|a, b| b.score.total_cmp(&a.score));
         (rest, refined)
     }
