@@ -154,8 +154,8 @@ enum {
     WW_DRIVE = 9,     /* dynamics: what the motors have left to accelerate */
     WW_CONTACT = 10,  /* dynamics: what the ground carries of it */
     WW_INERTIA = 11,  /* dynamics: what it accelerates */
-    WW_READING = 12,  /* measurement: when the outputs are looked at */
-    WW_SENSOR = 13    /* measurement: what is recorded of them */
+    WW_READING = 12,  /* measurement: when that is looked at, after all sensors */
+    WW_SENSOR = 13    /* measurement: what sensors make of the outputs */
 };
 
 /* How a model's channels are motion. */

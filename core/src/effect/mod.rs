@@ -50,10 +50,10 @@ pub enum Stage {
     Contact,
     /// Dynamics: what it accelerates.
     Inertia,
-    /// Measurement: when the outputs are looked at.
-    Reading,
-    /// Measurement: what is recorded of them.
+    /// Measurement: what sensors make of the outputs.
     Sensor,
+    /// Measurement: when that is looked at.
+    Reading,
 }
 
 /// The three places of which a person speaks.
@@ -395,6 +395,7 @@ pub trait Effect: Debug + Send + Sync {
 
     /// Sensor effects, and others that [sense](Self::senses): changes the outputs that are recorded at a sample, once a sample in their
     /// order, the first included.
-    /// `past(t, out)` writes the true outputs at an earlier time of the stretch; before it, its first.
+    /// `past(t, out)` writes the true outputs at an earlier time of the stretch; before it, its first. To what acts at [`Stage::Reading`] it
+    /// writes what all other sensors made of them.
     fn measure(&self, _p: &[f64], _at: &Instant<'_>, _past: &dyn Fn(f64, &mut [f64]), _state: &mut [f64], _outputs: &mut [f64]) {}
 }

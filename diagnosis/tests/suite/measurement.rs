@@ -5,7 +5,8 @@ use wheelwright_core::effect::{Effect, EffectSimulator, Instant, Motion, Scene};
 use wheelwright_core::simulation::Readout;
 use wheelwright_core::{Dataset, RegressorModel, Stretch};
 use wheelwright_diagnosis::effects::{
-    EncoderQuantisation, Ripple, SensorDelay, TimestampJitter, TrackWidthError, Wheel, WheelEccentricity, WheelRadiusMismatch,
+    Backlash, EncoderQuantisation, Ripple, SensorDelay, Speeds, TimestampJitter, TrackWidthError, Wheel, WheelEccentricity,
+    WheelRadiusMismatch,
 };
 
 const RADIUS: f64 = 0.09;
@@ -299,4 +300,41 @@ fn jitter_scatters_by_the_acceleration_and_not_without_a_seed() {
     assert_eq!(run, rig.run(&TimestampJitter { seed: Some(4) }, &[sigma], Readout::Instantaneous));
     let none = rig.run(&SensorDelay::default(), &[0.0], Readout::Instantaneous);
     assert_eq!(plain, none);
+}
+
+/// What sensors make of the motion is late with the record: what loops keep, what ripples with a wheel's turning, what runs ahead at the motors.
+#[test]
+fn a_late_record_is_late_by_all_that_sensors_show() {
+    const SAMPLES: usize = 3;
+    let mut rig = rig();
+    let stretch = &mut rig.data.stretches[0];
+    stretch.time = (0..stretch.len()).map(|k| 0.05 * k as f64).collect();
+    rig.scene = Scene::new(&rig.data, &*rig.model, 2.0 * HALF_TRACK, Some(RADIUS), None);
+    let encoders = WheelRadiusMismatch { speeds: Speeds::Encoders, ..WheelRadiusMismatch::default() };
+    let ring = WheelEccentricity { wheel: Some(Wheel::Left), ..WheelEccentricity::default() };
+    let all: [Box<dyn Effect>; 4] = [Box::new(encoders), Box::new(ring), Box::new(Backlash::default()), Box::new(TrackWidthError {})];
+    let late = SensorDelay::default();
+    for effect in &all {
+        let values = effect.starts(&rig.scene).pop().map_or_else(|| vec![0.1], |start| start.values);
+        // What sensors add to means is known from sample to sample only, and what jumps in between is smoothed.
+        for (readout, smoothed) in [(Readout::Instantaneous, 1e-6), (Readout::IntervalMean, 0.02)] {
+            let run = |effects: &[&dyn Effect], values: &[f64]| {
+                let mut simulator = EffectSimulator::new(&*rig.model, &THETA, effects, &rig.scene).unwrap().with_readout(readout);
+                simulator.set(&THETA, values).unwrap();
+                simulator.set_substeps(8);
+                let mut run = vec![Vec::new(); 2];
+                simulator.run(0, rig.stretch(), &[0.3, 0.2], &mut run).unwrap();
+                run
+            };
+            let (plain, prompt) = (run(&[], &[]), run(&[&**effect], &values));
+            let seen = run(&[&late, &**effect], &[&[0.05 * SAMPLES as f64], &values[..]].concat());
+            let name = effect.name();
+            let squares = |of: &dyn Fn(usize, usize) -> f64| -> f64 {
+                (0..2).flat_map(|i| (SAMPLES + 1..rig.stretch().len()).map(move |k| (i, k))).map(|(i, k)| of(i, k).powi(2)).sum()
+            };
+            let shows = squares(&|i, k| prompt[i][k] - plain[i][k]);
+            let missed = squares(&|i, k| seen[i][k] - prompt[i][k - SAMPLES]);
+            assert!(shows > 0.0 && missed < smoothed * shows, "{name}, {readout:?}: {missed} of {shows}");
+        }
+    }
 }

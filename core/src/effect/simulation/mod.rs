@@ -22,7 +22,7 @@ use pace::{Measure, Steps};
 use slots::Slots;
 use step::Body;
 use tangents::Tangents;
-use trace::Trace;
+use trace::{Added, Trace};
 
 pub use tangents::Direction;
 
@@ -65,6 +65,7 @@ pub struct EffectSimulator<'a> {
     state: Vec<f64>,
     before: Vec<f64>,
     trace: Trace,
+    added: Added,
     steps: u64,
     /// Whether any step has been halved.
     halved: bool,
@@ -104,6 +105,7 @@ impl<'a> EffectSimulator<'a> {
             before: vec![0.0; slots.states],
             slots,
             trace: Trace::default(),
+            added: Added::default(),
             steps: 0,
             halved: false,
             follows: false,

@@ -31,6 +31,8 @@ pub(super) struct Slots<'a> {
     deceived: bool,
     /// Whether anything changes what is recorded.
     pub(super) sensed: bool,
+    /// Whether what sensors make of the outputs is looked at at other times.
+    pub(super) reread: bool,
     /// Whether a load or a drive effect has numbers that change along the way.
     pub(super) advancing: bool,
     /// Whether the command that goes on changes within a step, and hangs on no output: the whole step of it is known before any of it is taken.
@@ -81,11 +83,29 @@ impl<'a> Slots<'a> {
         let advancing = slots[bearings.start..drives.end].iter().any(|s| !s.states.is_empty());
         let deceived = looped && slots.iter().any(|s| s.effect.deceives());
         let sensed = slots.iter().any(|s| s.senses);
+        let reads = |s: &Slot<'_>| s.stage == Stage::Reading;
+        let reread = slots.iter().any(reads) && slots.iter().any(|s| s.senses && !reads(s));
         let ahead = !held && !looped;
         let abrupt = !drives.is_empty() || advancing;
         let plain = !(looped || abrupt || sensed);
         let lasting = held && plain;
-        Self { slots, commands, bearings, loads, drives, looped, deceived, sensed, advancing, ahead, lasting, plain, abrupt, states }
+        Self {
+            slots,
+            commands,
+            bearings,
+            loads,
+            drives,
+            looped,
+            deceived,
+            sensed,
+            reread,
+            advancing,
+            ahead,
+            lasting,
+            plain,
+            abrupt,
+            states,
+        }
     }
 
     /// Whether the command that goes on changes within a step.
@@ -221,8 +241,17 @@ impl<'a> Slots<'a> {
     }
 
     /// What sensors make of the outputs.
-    pub(super) fn measure(&self, at: &Instant<'_>, past: &dyn Fn(f64, &mut [f64]), state: &mut [f64], seen: &mut [f64]) {
-        for slot in self.slots.iter().filter(|s| s.senses) {
+    pub(super) fn sense(&self, at: &Instant<'_>, past: &dyn Fn(f64, &mut [f64]), state: &mut [f64], seen: &mut [f64]) {
+        self.measure(|stage| stage != Stage::Reading, at, past, state, seen);
+    }
+
+    /// When that is looked at; `past` is what they made of earlier ones.
+    pub(super) fn read(&self, at: &Instant<'_>, past: &dyn Fn(f64, &mut [f64]), state: &mut [f64], seen: &mut [f64]) {
+        self.measure(|stage| stage == Stage::Reading, at, past, state, seen);
+    }
+
+    fn measure(&self, of: impl Fn(Stage) -> bool, at: &Instant<'_>, past: &dyn Fn(f64, &mut [f64]), state: &mut [f64], seen: &mut [f64]) {
+        for slot in self.slots.iter().filter(|s| s.senses && of(s.stage)) {
             slot.effect.measure(&slot.values, at, past, &mut state[slot.states.clone()], seen);
         }
     }

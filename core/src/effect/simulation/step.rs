@@ -122,6 +122,7 @@ impl EffectSimulator<'_> {
         self.body.known = false;
         self.body.x.copy_from_slice(initial);
         self.trace.truncate(0, 0);
+        self.added.clear();
         self.slots.begin(&first, initial, &mut self.state, &mut self.body.u);
         if self.slots.sensed {
             // A sensor sees the first sample too.
@@ -178,10 +179,25 @@ impl EffectSimulator<'_> {
         Ok(())
     }
 
-    /// Lets the sensors change what is recorded now.
+    /// Lets the sensors change what is recorded now, and when it is looked at.
     fn sense(&mut self, at: &Instant<'_>) {
-        let trace = &self.trace;
-        self.slots.measure(at, &|time, out| trace.at(time, out), &mut self.state, &mut self.body.next);
+        let Self { slots, trace, added, state, body: Body { next, .. }, .. } = self;
+        if slots.reread {
+            // Means over an interval are of its middle.
+            let middle = if at.readout == Readout::IntervalMean { 0.5 * at.interval() } else { 0.0 };
+            added.begin(at.time - middle, next);
+        }
+        slots.sense(at, &|time, out| trace.at(time, out), state, next);
+        if slots.reread {
+            added.end(next);
+            let seen = |time: f64, out: &mut [f64]| {
+                trace.at(time, out);
+                added.add(time, out);
+            };
+            slots.read(at, &seen, state, next);
+        } else {
+            slots.read(at, &|time, out| trace.at(time, out), state, next);
+        }
     }
 
     /// The command that goes on from an instant; the accelerations at the end of the last step are those of the next one only if it is the same.

@@ -1,4 +1,4 @@
-//! The past of a run, for sensors that look back.
+//! The past of a run, for what looks back.
 
 /// Outputs and their slopes at the sub-steps of a run.
 #[derive(Debug, Default)]
@@ -51,5 +51,47 @@ impl Trace {
         self.time.truncate(length);
         self.outputs.truncate(length * outputs);
         self.slopes.truncate(length * outputs);
+    }
+}
+
+/// What sensors add to the outputs, sample by sample.
+#[derive(Debug, Default)]
+pub(super) struct Added {
+    time: Vec<f64>,
+    values: Vec<f64>,
+}
+
+impl Added {
+    /// Forgets all samples.
+    pub(super) fn clear(&mut self) {
+        self.time.clear();
+        self.values.clear();
+    }
+
+    /// Begins a sample: `outputs` are those before any sensor.
+    pub(super) fn begin(&mut self, time: f64, outputs: &[f64]) {
+        self.time.push(time);
+        self.values.extend(outputs.iter().map(|x| -x));
+    }
+
+    /// Ends it: `seen` is what the sensors have made of them.
+    pub(super) fn end(&mut self, seen: &[f64]) {
+        let first = self.values.len() - seen.len();
+        self.values[first..].iter_mut().zip(seen).for_each(|(added, seen)| *added += seen);
+    }
+
+    /// Adds to outputs of an earlier time what was added to them then: between samples on the straight line.
+    pub(super) fn add(&self, time: f64, outputs: &mut [f64]) {
+        let n = outputs.len();
+        let k = self.time.iter().rposition(|t| *t <= time).unwrap_or(0);
+        let part = match self.time.get(k + 1) {
+            Some(end) => ((time - self.time[k]) / (end - self.time[k])).clamp(0.0, 1.0),
+            None => 0.0,
+        };
+        for (i, out) in outputs.iter_mut().enumerate() {
+            let from = self.values[k * n + i];
+            let to = self.values.get((k + 1) * n + i).map_or(from, |to| *to);
+            *out += from + part * (to - from);
+        }
     }
 }
