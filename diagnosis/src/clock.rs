@@ -1,8 +1,9 @@
 //! Whether commands are late or the record is: on the model's channels it is the same, and what is recorded beside them tells the time as well.
 //!
 //! The wheels' own rates, or a heading, show the robot's motion once more. Where the recorded velocities are behind them by all of the delay
-//! that was found, it is the record that is late; where they are in time with the wheels as another sensor tells them, it is the commands, for two
-//! sensors would have to be late by the same. A heading that is in time may be their own integral, and says nothing.
+//! that was found, or by more, of which the model's own lag took up a part, it is the record that is late; where they are in time with the wheels as
+//! another sensor tells them, it is the commands, for two sensors would have to be late by the same. A heading that is in time may be their own integral,
+//! and says nothing. Where the wheels' radii differ, recorded turning is mixed with forward motion, and may be as it will.
 
 use nalgebra::{Matrix3, Vector3};
 use wheelwright_core::Stretch;
@@ -85,6 +86,8 @@ struct Clock {
     independent: bool,
     /// By stretch: one or two coordinates that what they tell, summed up, is made of.
     ways: Vec<Vec<Vec<f64>>>,
+    /// Another output, which what is recorded may be mixed with where that has one coordinate only.
+    mixed: Option<usize>,
 }
 
 /// The clocks of a recording. The wheels' last: their rates may be what the velocities were made of, and late with them.
@@ -95,13 +98,14 @@ fn clocks(question: &Question<'_>) -> Vec<Clock> {
     let stretches = &question.training.stretches;
     let by_wheels = |rates: &Vec<[Vec<f64>; 2]>| {
         let ways = stretches.iter().zip(rates).map(|(stretch, rates)| rates.iter().map(|rate| stretch.integral(rate)).collect());
-        Clock { by: "the wheels' own rates", outputs: &[0, 1], independent: true, ways: ways.collect() }
+        Clock { by: "the wheels' own rates", outputs: &[0, 1], independent: true, ways: ways.collect(), mixed: None }
     };
     let by_heading = |headings: &Vec<Vec<f64>>| Clock {
         by: "the measured heading",
         outputs: &[1],
         independent: false,
         ways: headings.iter().map(|heading| vec![unwrapped(heading)]).collect(),
+        mixed: Some(0),
     };
     let wheels = question.training_wheel_rates.as_ref().map(by_wheels);
     let all = question.training_headings.as_ref().map(by_heading).into_iter().chain(wheels);
@@ -110,6 +114,13 @@ fn clocks(question: &Question<'_>) -> Vec<Clock> {
         clock.ways.len() == stretches.len() && stretches.iter().zip(&clock.ways).all(fits)
     };
     all.filter(whole).collect()
+}
+
+/// What an output and the one that it may be mixed with say that was covered in a span.
+struct Recorded {
+    moved: f64,
+    mixed: f64,
+    span: Span,
 }
 
 impl Clock {
@@ -123,12 +134,13 @@ impl Clock {
 
     /// What is late by one output: nothing where it cannot tell all of the delay from none; `Some(None)` where neither is the case.
     fn of_output(&self, question: &Question<'_>, output: usize, delay: f64) -> Option<Option<Late>> {
-        let moved: Vec<Vec<f64>> = question.training.stretches.iter().map(|s| s.integral(&s.outputs[output])).collect();
-        let spans = spans(question.training, SHARES[SHARES.len() - 1] * delay, 0.0);
-        let spans: Vec<(f64, Span)> = spans
-            .into_iter()
-            .map(|span| (span.covered(&question.training.stretches[span.stretch], &moved[span.stretch], 0.0), span))
-            .collect();
+        let stretches = &question.training.stretches;
+        let moved = |output: usize| stretches.iter().map(|s| s.integral(&s.outputs[output])).collect::<Vec<_>>();
+        let (own, mixed) = (moved(output), self.mixed.map(moved));
+        let covered = |moved: &Vec<Vec<f64>>, span: &Span| span.covered(&stretches[span.stretch], &moved[span.stretch], 0.0);
+        let recorded =
+            |span: Span| Recorded { moved: covered(&own, &span), mixed: mixed.as_ref().map_or(0.0, |m| covered(m, &span)), span };
+        let spans: Vec<Recorded> = spans(question.training, SHARES[SHARES.len() - 1] * delay, 0.0).into_iter().map(recorded).collect();
         let (all, left): (Vec<f64>, Vec<f64>) =
             SHARES.map(|share| self.left(question, &spans, share * delay)).into_iter().collect::<Option<Vec<_>>>()?.into_iter().unzip();
         let likelihood = |k: usize| -(spans.len() as f64) * left[k].ln();
@@ -139,20 +151,20 @@ impl Clock {
         let best = (0..SHARES.len()).min_by(|a, b| left[*a].total_cmp(&left[*b]))?;
         Some(match best {
             NONE if self.independent && left[NONE] > SAME * SAME * all[NONE] => Some(Late::Commands),
-            ALL => Some(Late::Record),
+            ALL.. => Some(Late::Record),
             _ => None,
         })
     }
 
     /// Sums of squares of an output's motion over spans, and of what of it this clock, so much earlier, does not tell.
-    fn left(&self, question: &Question<'_>, spans: &[(f64, Span)], by: f64) -> Option<(f64, f64)> {
+    fn left(&self, question: &Question<'_>, spans: &[Recorded], by: f64) -> Option<(f64, f64)> {
         if spans.len() < FEWEST {
             return None;
         }
-        let row = |(moved, span): &(f64, Span)| {
+        let row = |Recorded { moved, mixed, span }: &Recorded| {
             let told = |way: &Vec<f64>| span.covered(&question.training.stretches[span.stretch], way, by);
             let ways = &self.ways[span.stretch];
-            (Vector3::new(ways.first().map_or(0.0, told), ways.get(1).map_or(0.0, told), span.end - span.start), *moved)
+            (Vector3::new(ways.first().map_or(0.0, told), ways.get(1).map_or(*mixed, told), span.end - span.start), *moved)
         };
         let rows: Vec<(Vector3<f64>, f64)> = spans.iter().map(row).collect();
         let (square, right) = rows.iter().fold((Matrix3::zeros(), Vector3::zeros()), |(a, b), (x, y)| (a + x * x.transpose(), b + x * *y));
@@ -230,6 +242,26 @@ mod tests {
         let case = late();
         let by_heading = |earlier: usize| told(&case, |question| question.training_headings = Some(headings(&case, earlier)));
         assert_eq!([by_heading(2), by_heading(0)], [Some(Late::Record), None]);
+    }
+
+    /// A part of the lateness may be the model's own: what is late by more than was found is late by all of it.
+    #[test]
+    fn what_is_later_than_was_found_is_late() {
+        let case = late();
+        let by_heading = |earlier: usize| told(&case, |question| question.training_headings = Some(headings(&case, earlier)));
+        assert_eq!([by_heading(3), by_heading(1)], [Some(Late::Record), None]);
+    }
+
+    /// Recorded turning of wheels whose radii differ holds a part of the forward motion.
+    #[test]
+    fn a_heading_tells_a_late_record_of_wheels_whose_radii_differ() {
+        let mut case = late();
+        let headings = headings(&case, 2);
+        for stretch in &mut case.data.stretches {
+            let (v, w) = stretch.outputs.split_at_mut(1);
+            w[0].iter_mut().zip(&v[0]).for_each(|(w, v)| *w += 0.3 / TRACK * v);
+        }
+        assert_eq!(told(&case, |question| question.training_headings = Some(headings.clone())), Some(Late::Record));
     }
 
     /// Velocities that are made of the wheels' rates are late with them.
