@@ -6,7 +6,8 @@
 //!
 //! v = V + (e/2) h W,   h ω = (e/2) V + (1 − t) h W,
 //!
-//! over spans of a second, in which noise is small. One of them may be late: turning that comes and goes in a few seconds would be less by a
+//! over spans of a second, in which noise is small. Of encoders one wheel of which is off by δ alone e and t are both δ/2: a track error is one beyond that.
+//! One of them may be late: turning that comes and goes in a few seconds would be less by a
 //! part in thirty for a tenth of a second of that, and what is left would hide as much, so they are held against each other on the clock on which they agree.
 
 use nalgebra::{Vector1, Vector2, Vector3};
@@ -54,6 +55,16 @@ struct Relation {
     turning: Measured,
 }
 
+impl Relation {
+    /// Whether the radius of one wheel is all that is wrong: encoders that are off by δ at one of the wheels tell of δ/2 of the way as turning, one way or the
+    /// other, and of δ/2 too much turning.
+    fn of_one_wheel(&self, least: f64) -> bool {
+        let Self { coupling, turning } = *self;
+        let beyond = Measured { value: turning.value.abs() - coupling.value.abs(), error: coupling.error.hypot(turning.error) };
+        coupling.distinct(0.5 * SMALLEST_MISMATCH) && !beyond.distinct(least)
+    }
+}
+
 /// A geometry that channels beside the model's tell.
 pub(crate) struct Beside {
     /// Unequal radii as an effect whose parameter is bounded by what was measured, and the evidence for it.
@@ -82,7 +93,11 @@ impl Beside {
                 let effect = WheelRadiusMismatch { speeds, between: Some((value - reach, value + reach)), wheel: None };
                 made.radii = Some((Box::new(effect), relation.coupling.evidence()));
             }
-            if made.track.is_none() && relation.turning.distinct(least) && holds(question, "track_width_error") {
+            let another = match speeds {
+                Speeds::Encoders => relation.turning.distinct(least) && !relation.of_one_wheel(least),
+                _ => relation.turning.distinct(least),
+            };
+            if made.track.is_none() && another && holds(question, "track_width_error") {
                 made.track = Some(track(relation.turning, speeds, scene));
             }
         }

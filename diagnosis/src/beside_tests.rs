@@ -79,6 +79,21 @@ fn a_heading_that_agrees_says_nothing_and_one_that_does_not_tells_what_is_wrong(
     assert!((found.track.unwrap().values[0] - 0.07).abs() < 0.004);
 }
 
+/// Encoders that reckon with one wheel's radius wrong tell of too much turning as well, and of no other track; a track that is wrong besides shows.
+#[test]
+fn the_radius_of_one_wheel_is_no_track_error() {
+    let case = Case::clean(25);
+    // The left wheel 8 % smaller than reckoned: it rolls 0.92 of what its encoder says.
+    let heading = |track: f64| move |v: f64, w: f64| ((v + H * w) - 0.92 * (v - H * w)) / (2.0 * H * track);
+    let asked = |track: f64| {
+        let (headings, _) = others(&case, heading(track), |v, w| [v - H * w, v + H * w]);
+        ask(&case, Some(headings), None, "")
+    };
+    let (plain, wide) = (asked(1.0), asked(1.07));
+    assert!((middle(&plain, &case.scene).abs() - 0.08).abs() < 0.004 && plain.track.is_none());
+    assert!(wide.radii.is_some() && wide.track.is_some());
+}
+
 #[test]
 fn wheels_tell_against_the_robots_own_motion_beyond_what_a_person_measures() {
     let case = Case::clean(22);
