@@ -21,7 +21,7 @@ use crate::answer::Story;
 use crate::beside::MEASURED_TRACK;
 use crate::diagnose::DECISIVE;
 use crate::fit::search::Fit;
-use crate::fit::setting::{Point, Setting};
+use crate::fit::setting::Setting;
 use crate::judge::Bench;
 use crate::question::Question;
 use crate::screen::Response;
@@ -87,12 +87,12 @@ impl<'s, 'a> Elsewhere<'s, 'a> {
         }
         let (step, steps) = self.steps();
         // Wheels are followed anew at every width, at the one that it is told at too.
-        let here = self.place(self.now(), &self.selected.state.fit.point)?;
+        let here = self.place(self.now(), &self.selected.state.fit)?;
         let least = here.likelihood + if measured { DECISIVE } else { EXCHANGE };
         let walked = [-step, step].map(|step| self.walked(&here, step, steps));
         let best = walked.into_iter().flatten().reduce(|a, b| if b.likelihood > a.likelihood { b } else { a });
         let mut best = best.unwrap_or(here);
-        let (log, from) = (best.log, best.fit.point.clone());
+        let (log, from) = (best.log, best.fit.clone());
         let nearer = |log: f64| {
             let Some(place) = self.place(log, &from) else { return f64::NEG_INFINITY };
             let likelihood = place.likelihood;
@@ -107,13 +107,13 @@ impl<'s, 'a> Elsewhere<'s, 'a> {
 
     /// The likeliest place on the way in one direction, which ends where it gets decisively worse.
     fn walked(&self, here: &Place, step: f64, steps: usize) -> Option<Place> {
-        let (mut from, mut best, mut most) = (here.fit.point.clone(), None, here.likelihood);
+        let (mut from, mut best, mut most) = (here.fit.clone(), None, here.likelihood);
         for k in 1..=steps {
             let place = self.place(here.log + step * k as f64, &from)?;
             if place.likelihood < most - DECISIVE {
                 break;
             }
-            from = place.fit.point.clone();
+            from = place.fit.clone();
             if place.likelihood > most {
                 most = place.likelihood;
                 best = Some(place);
@@ -149,8 +149,8 @@ impl<'s, 'a> Elsewhere<'s, 'a> {
         NEXT * radius / scene.tracks.iter().map(turned).fold(0.0, f64::max)
     }
 
-    /// The selection at a width, from a point near by.
-    fn place(&self, log: f64, from: &Point) -> Option<Place> {
+    /// The selection at a width, from a fit near by.
+    fn place(&self, log: f64, from: &Fit) -> Option<Place> {
         let scene = self.scene(log.exp());
         let fit = self.fitted(&scene, from)?;
         Some(Place { log, likelihood: fit.likelihood(&self.search.setting), fit })
@@ -179,7 +179,7 @@ impl<'s, 'a> Elsewhere<'s, 'a> {
         let near = widths.map(|log| (loss(log), log)).min_by(|a, b| a.0.total_cmp(&b.0))?;
         let (log, most) = highest(|log| -loss(log), near.1 - step, near.1 + step);
         let asked = bench.decisive(-most, bench.loss(search, &selected.state));
-        asked.then(|| self.place(log, &selected.state.fit.point)).flatten()
+        asked.then(|| self.place(log, &selected.state.fit)).flatten()
     }
 
     /// Logarithm of the width it is told at.
@@ -206,16 +206,16 @@ impl<'s, 'a> Elsewhere<'s, 'a> {
         let scene = self.scene(width);
         let search = self.search(&scene);
         let State { effects, fit: now } = &self.selected.state;
-        let fit = self.fitted(&scene, &now.point)?;
+        let fit = self.fitted(&scene, now)?;
         let cost = now.likelihood(&search.setting) - fit.likelihood(&search.setting);
         let state = State { effects: effects.clone(), fit };
         Some(bench.with_cost(bench.loss(&search, &state), cost.max(0.0)))
     }
 
     /// The fit of the selection in another scene.
-    fn fitted(&self, scene: &Scene, from: &Point) -> Option<Fit> {
+    fn fitted(&self, scene: &Scene, from: &Fit) -> Option<Fit> {
         let Selected { state, whitening, .. } = self.selected;
-        self.search(scene).fitted_from(&state.effects, from, whitening, COMPARING, false)
+        self.search(scene).fitted_near(&state.effects, from, whitening, COMPARING)
     }
 
     /// The selection in another scene, fitted to the end, its members contested there; where one goes round with a wheel, the other wheel is

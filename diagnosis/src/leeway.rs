@@ -15,17 +15,19 @@ use wheelwright_core::Dataset;
 use wheelwright_core::effect::Scene;
 use wheelwright_core::least_squares::constrained_step;
 
-use crate::fit::algebra::{factor, gram};
+use crate::fit::algebra::{dot, factor, gram};
 use crate::fit::layout::Layout;
-use crate::fit::search::parts;
-use crate::fit::setting::{Runner, Setting};
+use crate::fit::search::{broyden, missed, parts};
+use crate::fit::setting::{Point, Runner, Setting};
 use crate::holdout::{BorneOut, Run};
 use crate::noise::{HUBER, Noise};
 use crate::residuals::Series;
 use crate::select::{Search, State};
 
-/// Most linear steps: each corrects the one before.
-const STEPS: usize = 5;
+/// Most linear steps: each corrects the one before, by columns that are simulated once and kept up to date.
+const STEPS: usize = 8;
+/// Share of what a step changes, in squares, that they may fail to foretell: beyond it they are simulated anew.
+const ASTRAY: f64 = 0.1;
 /// A step that promises less, in twice the log-likelihood, is the last.
 const LAST: f64 = 1.0;
 
@@ -82,26 +84,26 @@ impl<'s, 'a> Leeway<'s, 'a> {
         let mut point = setting.point(state.fit.point.x.clone());
         let mut runner = Runner::new(&setting, &effects, &point).ok()?;
         let mut run = vec![0.0; setting.layout.len()];
-        let mut told = None;
+        let (mut told, mut before): (Option<Series>, Option<Before>) = (None, None);
         for _ in 0..STEPS {
             if !runner.run(&point.x, &point.starts, &mut run) {
                 return None;
             }
             told.get_or_insert_with(|| setting.layout.series(&run));
             let (error, weights) = weighed(&setting, &run, noise);
-            let mut columns = runner.columns(&point, 0..point.x.len());
-            columns.iter_mut().for_each(|column| setting.layout.settle(column));
-            columns.push(error);
-            let columns: Vec<&[f64]> = columns.iter().map(Vec::as_slice).collect();
+            let columns = before.take().and_then(|before| before.updated(&setting, &run, &weights));
+            let columns = columns.unwrap_or_else(|| changes(&setting.layout, &mut runner, &point));
+            let all: Vec<&[f64]> = columns.iter().chain([&error]).map(Vec::as_slice).collect();
             let x = DVector::from_column_slice(&point.x);
-            let mut system = gram(&columns, &parts(&setting), &weights) + prior(known, &(&x - &first));
+            let mut system = gram(&all, &parts(&setting), &weights) + prior(known, &(&x - &first));
             hold(&mut system, stay);
             let step = constrained_step(&factor(&system), None, &x, &limits).ok()?;
             let promised = step.dot(&(system.view((0, 0), (x.len(), x.len())) * &step));
-            point.x = (x + step).as_slice().to_vec();
+            point.x = (x + &step).as_slice().to_vec();
             if promised < LAST {
                 break;
             }
+            before = Some(Before { columns, run: run.clone(), step });
         }
         let mut far = DVector::from_column_slice(&point.x) - &first;
         let mut cost = far.dot(&(known * &far));
@@ -151,6 +153,38 @@ impl<'l, 'd> Court<'l, 'd> {
         let by = |data: &Dataset| BorneOut::new(noise, Run { data, scene: self.scene, simulated: self.with }, without, gain).refuted();
         by(self.data) && self.leeway.eased(rest, self.data, self.scene).as_ref().is_none_or(by)
     }
+}
+
+/// A step, the run that it was taken from, and how that changes with each parameter.
+struct Before {
+    columns: Vec<Vec<f64>>,
+    run: Vec<f64>,
+    step: DVector<f64>,
+}
+
+impl Before {
+    /// How a run changes with each parameter to which the step has led, unless what was known of that has foretold too little of it.
+    fn updated(self, setting: &Setting<'_>, run: &[f64], weights: &[f64]) -> Option<Vec<Vec<f64>>> {
+        let Self { mut columns, run: from, step } = self;
+        let mut changed: Vec<f64> = run.iter().zip(&from).map(|(now, before)| now - before).collect();
+        setting.layout.settle(&mut changed);
+        let size =
+            |series: &[f64]| parts(setting).into_iter().zip(weights).map(|(p, w)| w * dot(&series[p.clone()], &series[p])).sum::<f64>();
+        let whole = size(&changed);
+        let missed = missed(&columns, changed, &step);
+        if size(&missed) > ASTRAY * whole {
+            return None;
+        }
+        broyden(&mut columns, &missed, &step);
+        Some(columns)
+    }
+}
+
+/// How the run of a point changes with each parameter, where it counts.
+fn changes(layout: &Layout, runner: &mut Runner<'_, '_>, point: &Point) -> Vec<Vec<f64>> {
+    let mut columns = runner.columns(point, 0..point.x.len());
+    columns.iter_mut().for_each(|column| layout.settle(column));
+    columns
 }
 
 /// Errors of a run where they count, model minus measured, what is far out drawn in; and each output's weight: independent values count by what is left.

@@ -272,6 +272,9 @@ impl Ground {
             return (ahead, carried);
         }
         let end = (push - carried) / self.withdrawn;
+        if self.spin_up == 0.0 {
+            return (end, carried);
+        }
         let gone = end - ahead;
         // Where the two are one but for rounding, their difference says nothing.
         let stiffness = ((carried - self.carries(ahead, speed)) / gone).max(0.0) / self.withdrawn;

@@ -216,7 +216,9 @@ pub(crate) fn maximise(
         match reached {
             Some(mut next) if gain > 0.0 => {
                 next.columns = std::mem::take(&mut fit.columns);
-                broyden(&mut next, &fit.residual, &step);
+                let changed = fit.residual.iter().zip(&next.residual).map(|(before, now)| before - now).collect();
+                let missed = missed(&next.columns, changed, &step);
+                broyden(&mut next.columns, &missed, &step);
                 let disappointing = gain < 0.5 * promised;
                 fit = next;
                 fresh = false;
@@ -278,17 +280,20 @@ fn step(setting: &Setting<'_>, fit: &Fit, limits: &Limits, damping: f64, usual: 
     step.iter().all(|s| s.is_finite()).then_some((step, promised))
 }
 
-/// Broyden's rank-one update: the columns that explain the change of the residual along the step, nearest to the old ones.
-fn broyden(next: &mut Fit, before: &[f64], step: &DVector<f64>) {
-    let sizes: Vec<f64> = next.columns.iter().map(|c| dot(c, c)).collect();
+/// What columns did not foretell of what a step has changed.
+pub(crate) fn missed(columns: &[Vec<f64>], mut changed: Vec<f64>, step: &DVector<f64>) -> Vec<f64> {
+    columns.iter().zip(step.iter()).for_each(|(c, s)| add(&mut changed, -s, c));
+    changed
+}
+
+/// Broyden's rank-one update: the columns that foretell what they have missed of a step, nearest to the old ones.
+pub(crate) fn broyden(columns: &mut [Vec<f64>], missed: &[f64], step: &DVector<f64>) {
+    let sizes: Vec<f64> = columns.iter().map(|c| dot(c, c)).collect();
     let length: f64 = step.iter().zip(&sizes).map(|(s, d)| s * s * d).sum();
     if length.is_nan() || length <= 0.0 {
         return;
     }
-    // before − now − J s
-    let mut missed: Vec<f64> = before.iter().zip(&next.residual).map(|(b, r)| b - r).collect();
-    next.columns.iter().zip(step.iter()).for_each(|(c, s)| add(&mut missed, -s, c));
-    for ((column, s), d) in next.columns.iter_mut().zip(step.iter()).zip(&sizes) {
-        add(column, s * d / length, &missed);
+    for ((column, s), d) in columns.iter_mut().zip(step.iter()).zip(&sizes) {
+        add(column, s * d / length, missed);
     }
 }

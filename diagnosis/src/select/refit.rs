@@ -84,6 +84,14 @@ impl<'a> Search<'a> {
         Some(maximise(&self.setting, &mut runner, whitening, there, effort, exact))
     }
 
+    /// The fit from another one that is near, in another scene or at another place: its columns are those until a step disappoints.
+    pub(crate) fn fitted_near(&self, indices: &[usize], near: &Fit, whitening: &Whitening, effort: Effort) -> Option<Fit> {
+        let mut runner = self.runner(indices, &near.point)?;
+        let mut there = evaluate(&self.setting, &mut runner, whitening, &near.point)?;
+        there.columns.clone_from(&near.columns);
+        Some(maximise(&self.setting, &mut runner, whitening, there, effort, false))
+    }
+
     /// A fit under another noise model.
     pub(crate) fn under(&self, indices: &[usize], fit: &Fit, noise: &Noise, effort: Effort) -> Option<(Whitening, Fit)> {
         let mut runner = self.runner(indices, &fit.point)?;
