@@ -39,8 +39,9 @@ pub struct Residuals<'a> {
 /// What a test without a library found in the final residual. `decide` weighs these.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Flag {
-    /// Which test: `input-driven structure`, `bursts`, `events`, `memory of the rest`, `wheel-order line`, `variance against acceleration`,
-    /// `value lattice`, `counts of the wheels`, `coarse readout`, `means over the interval`.
+    /// Which test: `rounded commands`, `input-driven structure`, `bursts`, `events`, `memory of the rest`, `wheel-order line`, `rhythm`,
+    /// `variance against acceleration`, `value lattice`, `counts of the wheels`, `coarse readout`, `means over the interval`,
+    /// `a rest that follows its past`, `values beyond the effect`.
     pub test: &'static str,
     /// Its statistic.
     pub value: f64,

@@ -1,4 +1,4 @@
-//! Whether a model is adequate, asked without any library: nine tests of what it leaves over.
+//! Whether a model is adequate, asked without any library: tests of what it leaves over.
 //!
 //! A library always finds something to name. These tests know no effect; they say whether anything is left, and where to look.
 

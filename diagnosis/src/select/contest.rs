@@ -157,9 +157,7 @@ impl<'a> Search<'a> {
         if selected.state.effects.len() < 2 || rest.effects.is_empty() {
             return None;
         }
-        let explained = selected.gained(&self.setting, &rest.fit);
-        let size = || self.sizeable(&selected.base, &rest.fit, &selected.state.fit, &selected.whitening.noise);
-        if present > 0.0 && (present >= SHARE * explained || size()) {
+        if present > 0.0 && self.matters(selected, rest, present) {
             return None;
         }
         self.only(selected, rest)

@@ -367,6 +367,12 @@ impl<'a> Search<'a> {
         near.into_iter().zip(scores).filter_map(better).max_by(|a, b| a.1.total_cmp(&b.1)).map(|(rival, _)| rival)
     }
 
+    /// Whether a member that is worth so much beside the rest is more than the imperfect form of what that explains.
+    fn matters(&self, selected: &Selected, rest: &State, worth: f64) -> bool {
+        let size = || self.sizeable(&selected.base, &rest.fit, &selected.state.fit, &selected.whitening.noise);
+        worth >= SHARE * selected.gained(&self.setting, &rest.fit) || size()
+    }
+
     /// Whether a further effect takes a share worth naming off the misfit itself. Evidence says less of it where a misfit remains that
     /// passes for coloured noise.
     fn sizeable(&self, base: &Fit, without: &Fit, with: &Fit, noise: &Noise) -> bool {

@@ -26,12 +26,17 @@ fn succeeding(before: &Selected, member: usize, by: Selected) -> Selected {
 
 impl<'a> Search<'a> {
     /// The selection without members that are worth hardly anything once all is fitted to the end: a place was contested under other noise, or with
-    /// others beside it, and that nothing is missing there is a rival as any other, which these data have to exclude. And what it is without each that stays.
+    /// others beside it, and that nothing is missing there is a rival as any other, which these data have to exclude; nor those that, beside
+    /// the others as these are now, are no more than their imperfect form. And what it is without each that stays.
     pub(crate) fn settled(&self, selected: Selected) -> (Selected, Vec<Option<State>>) {
         let mut selected = self.named(selected);
         let (mut member, mut rests) = (self.fixed(&selected), self.rests(&selected));
         while member < selected.state.effects.len() {
-            let rest = rests[member].as_ref().filter(|rest| self.worth(&selected, rest) < AMBIGUOUS);
+            let superfluous = |rest: &&State| {
+                let worth = self.worth(&selected, rest);
+                worth < AMBIGUOUS || !self.matters(&selected, rest, worth)
+            };
+            let rest = rests[member].as_ref().filter(superfluous);
             match rest.and_then(|rest| self.only(&selected, rest)) {
                 Some(fewer) => {
                     let (_, rivals) = others(&selected, member);
@@ -314,6 +319,20 @@ mod tests {
             });
         }
         assert!(seen[0] > 0 && seen[1] > 0, "{seen:?}");
+    }
+
+    #[test]
+    fn a_member_goes_that_is_no_more_than_the_imperfect_form_of_the_others() {
+        let library: Vec<Box<dyn Effect>> = vec![Box::new(CoulombFriction::default()), Box::new(QuadraticDrag::default())];
+        // The evidence of the one drag is 32 of 3800, that of the other 240.
+        for (drag, stay) in [(0.4, 1), (2.0, 2)] {
+            let case = hiding(5, &library, &[0, 1], &[0.1, 1.0, drag, 0.0, 2.0]);
+            with_selected(&case, &library, 2, |search, selected| {
+                let rest = search.without(&selected, 1).unwrap();
+                assert!(search.worth(&selected, &rest) > AMBIGUOUS);
+                assert_eq!(search.settled(selected).0.state.effects.len(), stay, "{drag}");
+            });
+        }
     }
 
     #[test]
