@@ -245,18 +245,32 @@ fn quadratic_drag_brakes_both_motions() {
     let rig = body();
     let typical = rig.scene().scales.outputs;
     for power in [2.0, 1.6, 2.7] {
-        let error = rig.load_error(&QuadraticDrag {}, &[0.3, 0.2, power], |x| {
+        let error = rig.load_error(&QuadraticDrag::default(), &[0.3, 0.2, power], |x| {
             let drag = |q: f64, i: usize| q * typical[i].powi(2) * x[i].signum() * (x[i].abs() / typical[i]).powf(power);
             [drag(0.3, 0), drag(0.2, 1)]
         });
         assert!(error < 1e-4, "{power}: {error}");
     }
     let rig = sides();
-    let error = rig.load_error(&QuadraticDrag {}, &[0.4, 0.05, 2.0], |[left, right]| {
+    let error = rig.load_error(&QuadraticDrag::default(), &[0.4, 0.05, 2.0], |[left, right]| {
         let (v, w) = (0.5 * (left + right), (right - left) / (2.0 * HALF_TRACK));
         let (forward, turn) = (0.4 * v * v.abs(), 0.05 * w * w.abs() * HALF_TRACK);
         [forward - turn, forward + turn]
     });
+    assert!(error < 1e-4, "{error}");
+}
+
+#[test]
+fn quadratic_drag_brakes_each_wheel_by_its_own_speed() {
+    let at_wheels = QuadraticDrag { wheels: true };
+    let (rig, ratio) = (body(), 1.4);
+    let typical = rig.scene().scales.speed;
+    for power in [2.0, 1.6] {
+        let drag = |s: f64| 0.3 * typical.powi(2) * s.signum() * (s.abs() / typical).powf(power);
+        let error = rig.load_error(&at_wheels, &[0.3, power, ratio], |x| off(wheels(x).map(drag), ratio));
+        assert!(error < 1e-4, "{power}: {error}");
+    }
+    let error = sides().load_error(&at_wheels, &[0.4, 2.0], |each| each.map(|s| 0.4 * s * s.abs()));
     assert!(error < 1e-4, "{error}");
 }
 
