@@ -3,6 +3,9 @@
 //! What both wheels and both directions share is in the model (θ4, θ6; kV). The rest is f = ±a s on the right and left wheel, so that
 //! forward motion turns the robot (a ρ v/h of the turning command) and turning brakes it (a h ω of the forward command); or
 //! f = a |s| on either wheel, positive where forwards is the harder way.
+//!
+//! With `thinning` it is that of grease, which thins as it is sheared: f = a s/(1 + |s|/s0), a of its own at each wheel (Cross's law with the
+//! exponent 1, J. Colloid Science 20, 1965). Nothing of that is the model's.
 
 use serde::{Deserialize, Serialize};
 use wheelwright_core::Effect;
@@ -24,11 +27,38 @@ pub enum Between {
 
 /// Asymmetry of viscous friction.
 #[derive(Debug, Clone, Default, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[serde(deny_unknown_fields, default)]
 pub struct ViscousAsymmetry {
     /// Between what it differs. Default `wheels`.
-    #[serde(default)]
     pub between: Between,
+    /// Whether it thins as it is sheared.
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    pub thinning: bool,
+}
+
+/// Speed, in terms of the typical one, by which grease may have thinned to a half.
+const THINS: (f64, f64) = (0.02, 10.0);
+
+impl ViscousAsymmetry {
+    /// Unit of a friction in proportion to speed.
+    fn unit(scene: &Scene) -> &'static str {
+        if matches!(scene.frame, Frame::Sides { .. }) { "V s/m" } else { "1" }
+    }
+
+    /// All the command at the typical speed.
+    fn all(scene: &Scene) -> f64 {
+        force::command(scene, 0) / scene.scales.speed
+    }
+
+    /// Grease at each wheel, and the speed by which it has thinned to a half.
+    fn greased(scene: &Scene) -> Vec<EffectParameter> {
+        let at = |side: &str| {
+            EffectParameter::new("viscous", Self::unit(scene), (0.0, f64::INFINITY), 0.05 * Self::all(scene)).neutral(0.0).of("side", side)
+        };
+        let speed = scene.scales.speed;
+        let thins = EffectParameter::new("thins_by", "m/s", (THINS.0 * speed, THINS.1 * speed), 0.1 * speed);
+        [at("left"), at("right"), thins].into_iter().chain(force::turning_ratio(scene)).collect()
+    }
 }
 
 #[typetag::serde(name = "viscous_asymmetry")]
@@ -39,6 +69,7 @@ impl Effect for ViscousAsymmetry {
 
     fn about(&self) -> String {
         match self.between {
+            _ if self.thinning => "viscous friction at either wheel that thins as it is sheared, as grease does".to_owned(),
             Between::Wheels => "viscous friction greater at one wheel than at the other".to_owned(),
             Between::Directions => "viscous friction greater in one direction than in the other".to_owned(),
         }
@@ -49,26 +80,53 @@ impl Effect for ViscousAsymmetry {
     }
 
     fn inapplicable(&self, scene: &Scene) -> Option<String> {
-        force::needs_wheels(scene)
+        let both = self.thinning && self.between == Between::Directions;
+        let either = both.then(|| "it is set to differ between directions and to thin: it does one of them".to_owned());
+        either.or_else(|| force::needs_wheels(scene))
+    }
+
+    fn stands_in(&self) -> bool {
+        self.thinning
     }
 
     fn parameters(&self, scene: &Scene) -> Vec<EffectParameter> {
+        if self.thinning {
+            return Self::greased(scene);
+        }
         // More than all the command could not be driven against.
-        let all = force::command(scene, 0) / scene.scales.speed;
-        let unit = if matches!(scene.frame, Frame::Sides { .. }) { "V s/m" } else { "1" };
+        let all = Self::all(scene);
         let which = match self.between {
             Between::Wheels => "right minus left",
             Between::Directions => "forwards minus backwards",
         };
-        let half = EffectParameter::new("half_difference", unit, (-all, all), 0.05 * all).neutral(0.0).of("between", which);
+        let half = EffectParameter::new("half_difference", Self::unit(scene), (-all, all), 0.05 * all).neutral(0.0).of("between", which);
         std::iter::once(half).chain(force::turning_ratio(scene)).collect()
     }
 
     fn starts(&self, scene: &Scene) -> Vec<Start> {
-        force::starts(scene, &[0.05 * force::command(scene, 0) / scene.scales.speed], &[vec![0]])
+        let (all, speed) = (Self::all(scene), scene.scales.speed);
+        if self.thinning {
+            let greased = |thins: f64| [[0.2, 0.0], [0.0, 0.2]].map(|[left, right]| [left * all, right * all, thins * speed]);
+            return [0.2, 1.0]
+                .into_iter()
+                .flat_map(greased)
+                .flat_map(|values| force::starts(scene, &values, &[vec![0], vec![1]]))
+                .collect();
+        }
+        force::starts(scene, &[0.05 * all], &[vec![0]])
     }
 
     fn statement(&self, values: &[Estimate], scene: &Scene) -> String {
+        if self.thinning {
+            let each = [values[0], values[1]].map(|size| quantity(size, force::unit(scene)));
+            return format!(
+                "grease resists by {} for each m/s at the left wheel and by {} at the right while they turn slowly, and thins as it is sheared, at {} to a half; \
+                 the model had none",
+                each[0],
+                each[1],
+                quantity(values[2], "m/s")
+            );
+        }
         let (more, less) = match (self.between, values[0].value >= 0.0) {
             (Between::Wheels, true) => ("at the right wheel", "at the left"),
             (Between::Wheels, false) => ("at the left wheel", "at the right"),
@@ -119,6 +177,10 @@ impl Effect for ViscousAsymmetry {
     fn load(&self, p: &[f64], at: &Instant<'_>, outputs: &[f64], _state: &[f64], load: &mut [f64]) {
         let frame = &at.scene.frame;
         let [left, right] = frame.wheels(outputs);
+        if self.thinning {
+            let grease = |size: f64, speed: f64| size * speed / (1.0 + speed.abs() / p[2]);
+            return frame.add_at_wheels([grease(p[0], left), grease(p[1], right)], p.get(3).copied().unwrap_or(1.0), load);
+        }
         let forces = match self.between {
             Between::Wheels => [-p[0] * left, p[0] * right],
             Between::Directions => [p[0] * left.abs(), p[0] * right.abs()],

@@ -229,10 +229,10 @@ fn bristles_bend_before_they_slide() {
 fn viscous_friction_by_wheel_and_by_direction() {
     let (a, ratio) = (0.12, 1.5);
     let rig = body();
-    let by_wheel = ViscousAsymmetry { between: Between::Wheels };
+    let by_wheel = ViscousAsymmetry::default();
     let error = rig.load_error(&by_wheel, &[a, ratio], |[v, w]| [a * HALF_TRACK * w, ratio * a * v / HALF_TRACK]);
     assert!(error < 1e-4, "{error}");
-    let by_direction = ViscousAsymmetry { between: Between::Directions };
+    let by_direction = ViscousAsymmetry { between: Between::Directions, ..ViscousAsymmetry::default() };
     let error = rig.load_error(&by_direction, &[a, ratio], |x| off(wheels(x).map(|s| a * s.abs()), ratio));
     assert!(error < 1e-4, "{error}");
     let rig = sides();
@@ -257,6 +257,17 @@ fn quadratic_drag_brakes_both_motions() {
         let (forward, turn) = (0.4 * v * v.abs(), 0.05 * w * w.abs() * HALF_TRACK);
         [forward - turn, forward + turn]
     });
+    assert!(error < 1e-4, "{error}");
+}
+
+#[test]
+fn grease_thins_as_it_is_sheared() {
+    let thinning = ViscousAsymmetry { thinning: true, ..ViscousAsymmetry::default() };
+    let (left, right, thins, ratio) = (0.4, 0.1, 0.15, 1.4);
+    let grease = |[l, r]: [f64; 2]| [left * l / (1.0 + l.abs() / thins), right * r / (1.0 + r.abs() / thins)];
+    let error = body().load_error(&thinning, &[left, right, thins, ratio], |x| off(grease(wheels(x)), ratio));
+    assert!(error < 1e-4, "{error}");
+    let error = sides().load_error(&thinning, &[left, right, thins], grease);
     assert!(error < 1e-4, "{error}");
 }
 
