@@ -2,7 +2,7 @@
 //! drifts, that no command causes: wind, ground, a gyroscope's bias. Its coherence from sample to sample may well pass for coloured noise.
 //!
 //! The rest's autocorrelation is asked at every lag from [`LONG`] on, or from four of the output's time constants if that is more: what swings is
-//! alike again after a whole swing. Its standard error is Bartlett's for a rest that forgets before the first of them (Journal of the Royal Statistical
+//! alike again after a whole swing. What a coarse readout adds is there again whenever the robot drives alike, and is no memory. Its standard error is Bartlett's for a rest that forgets before the first of them (Journal of the Royal Statistical
 //! Society, Supplement 8, 1946).
 
 use statrs::distribution::{ContinuousCDF, Normal};
@@ -11,6 +11,7 @@ use crate::comparison::Comparison;
 use crate::noise::products;
 
 use super::bursts::FALSE_ALARM;
+use super::readout::Coarse;
 
 /// Lag after which sensors have forgotten \[s\]: a noise of which the next sample remembers 0.9 keeps an eighth of it at 20 Hz.
 const LONG: f64 = 1.0;
@@ -34,9 +35,10 @@ pub struct Memory {
     pub share: f64,
 }
 
-/// The output whose rest lasts most.
-pub(super) fn find(comparison: &Comparison<'_>) -> Option<Memory> {
-    let found = (0..comparison.rates.len()).filter_map(|output| of(comparison, output));
+/// The output whose rest lasts most, of those whose readout is not coarse.
+pub(super) fn find(comparison: &Comparison<'_>, coarse: &[Coarse]) -> Option<Memory> {
+    let fine = |output: &usize| coarse.iter().all(|coarse| coarse.output != *output);
+    let found = (0..comparison.rates.len()).filter(fine).filter_map(|output| of(comparison, output));
     found.max_by(|a, b| a.share.total_cmp(&b.share))
 }
 

@@ -81,7 +81,7 @@ pub fn examine(comparison: &Comparison<'_>, seed: u64) -> Adequacy {
         structure: if coarse.is_empty() || unrounded { own } else { structure(comparison) },
         bursts: bursts::find(comparison, seed, jitter.as_ref()),
         events: if jitter.is_none() { events::find(comparison) } else { None },
-        memory: memory::find(comparison),
+        memory: memory::find(comparison, &coarse),
         order: orders::find(comparison),
         rhythm: rhythm::find(comparison),
         rounding: rounding::find(comparison),

@@ -452,3 +452,26 @@ fn steady_speeds_are_no_lattice() {
         assert!(lattices.is_empty(), "{seed}: {lattices:?}");
     }
 }
+
+/// What a coarse readout adds is there again whenever the robot drives alike.
+#[test]
+fn a_coarse_readout_is_no_memory() {
+    for slow in [1.0, 4.0] {
+        let (mut case, mut random) = (Case::clean(3), StdRng::seed_from_u64(9));
+        for (stretch, truth) in case.data.stretches.iter_mut().zip(&mut case.truth) {
+            let motion: Vec<f64> = stretch.time.iter().map(|t| 0.4 * (t / slow).sin() + 0.1).collect();
+            for (i, y) in stretch.outputs.iter_mut().enumerate() {
+                let step = 8.0 * NOISE[i];
+                *y = motion.iter().map(|x| (x / step).round() * step + NOISE[i] * normal(&mut random)).collect();
+                truth[i].clone_from(&motion);
+            }
+        }
+        let found = case.compare(None, |c| examine(c, 3));
+        let coarse: Vec<usize> = found.coarse.iter().map(|coarse| coarse.output).collect();
+        assert!(
+            !coarse.is_empty() && found.memory.is_none_or(|memory| !coarse.contains(&memory.output)),
+            "{slow}: {coarse:?} {:?}",
+            found.memory
+        );
+    }
+}
