@@ -25,9 +25,9 @@ use crate::residuals::Series;
 use crate::select::{Search, State};
 
 /// Most linear steps: each corrects the one before, by columns that are simulated once and kept up to date.
-const STEPS: usize = 8;
+const STEPS: usize = 5;
 /// Share of what a step changes, in squares, that they may fail to foretell: beyond it they are simulated anew.
-const ASTRAY: f64 = 0.1;
+const ASTRAY: f64 = 0.01;
 /// A step that promises less, in twice the log-likelihood, is the last.
 const LAST: f64 = 1.0;
 

@@ -4,8 +4,8 @@
 //! forward motion turns the robot (a ρ v/h of the turning command) and turning brakes it (a h ω of the forward command); or
 //! f = a |s| on either wheel, positive where forwards is the harder way.
 //!
-//! With `thinning` it is that of grease, which thins as it is sheared: f = a s/(1 + |s|/s0), a of its own at each wheel (Cross's law with the
-//! exponent 1, J. Colloid Science 20, 1965). Nothing of that is the model's.
+//! With `thinning` it is that of grease at one of the wheels, which thins as it is sheared: f = |a| s/(1 + |s|/s0) (Cross's law with the exponent 1,
+//! J. Colloid Science 20, 1965), at the right wheel if a is positive and at the left one otherwise. Nothing of that is the model's.
 
 use serde::{Deserialize, Serialize};
 use wheelwright_core::Effect;
@@ -31,7 +31,7 @@ pub enum Between {
 pub struct ViscousAsymmetry {
     /// Between what it differs. Default `wheels`.
     pub between: Between,
-    /// Whether it thins as it is sheared.
+    /// Whether it is grease at one wheel, which thins as it is sheared.
     #[serde(skip_serializing_if = "std::ops::Not::not")]
     pub thinning: bool,
 }
@@ -50,14 +50,10 @@ impl ViscousAsymmetry {
         force::command(scene, 0) / scene.scales.speed
     }
 
-    /// Grease at each wheel, and the speed by which it has thinned to a half.
-    fn greased(scene: &Scene) -> Vec<EffectParameter> {
-        let at = |side: &str| {
-            EffectParameter::new("viscous", Self::unit(scene), (0.0, f64::INFINITY), 0.05 * Self::all(scene)).neutral(0.0).of("side", side)
-        };
+    /// The speed by which grease has thinned to a half.
+    fn thins_by(scene: &Scene) -> EffectParameter {
         let speed = scene.scales.speed;
-        let thins = EffectParameter::new("thins_by", "m/s", (THINS.0 * speed, THINS.1 * speed), 0.1 * speed);
-        [at("left"), at("right"), thins].into_iter().chain(force::turning_ratio(scene)).collect()
+        EffectParameter::new("thins_by", "m/s", (THINS.0 * speed, THINS.1 * speed), 0.1 * speed)
     }
 }
 
@@ -69,7 +65,7 @@ impl Effect for ViscousAsymmetry {
 
     fn about(&self) -> String {
         match self.between {
-            _ if self.thinning => "viscous friction at either wheel that thins as it is sheared, as grease does".to_owned(),
+            _ if self.thinning => "viscous friction at one wheel that thins as it is sheared, as grease does".to_owned(),
             Between::Wheels => "viscous friction greater at one wheel than at the other".to_owned(),
             Between::Directions => "viscous friction greater in one direction than in the other".to_owned(),
         }
@@ -90,41 +86,34 @@ impl Effect for ViscousAsymmetry {
     }
 
     fn parameters(&self, scene: &Scene) -> Vec<EffectParameter> {
-        if self.thinning {
-            return Self::greased(scene);
-        }
         // More than all the command could not be driven against.
         let all = Self::all(scene);
-        let which = match self.between {
-            Between::Wheels => "right minus left",
-            Between::Directions => "forwards minus backwards",
+        let (name, which) = match self.between {
+            _ if self.thinning => ("difference", "right minus left"),
+            Between::Wheels => ("half_difference", "right minus left"),
+            Between::Directions => ("half_difference", "forwards minus backwards"),
         };
-        let half = EffectParameter::new("half_difference", Self::unit(scene), (-all, all), 0.05 * all).neutral(0.0).of("between", which);
-        std::iter::once(half).chain(force::turning_ratio(scene)).collect()
+        let size = EffectParameter::new(name, Self::unit(scene), (-all, all), 0.05 * all).neutral(0.0).of("between", which);
+        let thins = self.thinning.then(|| Self::thins_by(scene));
+        std::iter::once(size).chain(thins).chain(force::turning_ratio(scene)).collect()
     }
 
     fn starts(&self, scene: &Scene) -> Vec<Start> {
         let (all, speed) = (Self::all(scene), scene.scales.speed);
         if self.thinning {
-            let greased = |thins: f64| [[0.2, 0.0], [0.0, 0.2]].map(|[left, right]| [left * all, right * all, thins * speed]);
-            return [0.2, 1.0]
-                .into_iter()
-                .flat_map(greased)
-                .flat_map(|values| force::starts(scene, &values, &[vec![0], vec![1]]))
-                .collect();
+            let greased = |thins: f64| [-0.2, 0.2].map(|size| [size * all, thins * speed]);
+            return [0.2, 1.0].into_iter().flat_map(greased).flat_map(|values| force::starts(scene, &values, &[vec![0]])).collect();
         }
         force::starts(scene, &[0.05 * all], &[vec![0]])
     }
 
     fn statement(&self, values: &[Estimate], scene: &Scene) -> String {
         if self.thinning {
-            let each = [values[0], values[1]].map(|size| quantity(size, force::unit(scene)));
             return format!(
-                "grease resists by {} for each m/s at the left wheel and by {} at the right while they turn slowly, and thins as it is sheared, at {} to a half; \
-                 the model had none",
-                each[0],
-                each[1],
-                quantity(values[2], "m/s")
+                "grease resists by {} for each m/s at the {} wheel while it turns slowly, and thins as it is sheared, at {} to a half; the model had none",
+                quantity(scaled(values[0], |a| a * values[0].value.signum()), force::unit(scene)),
+                if values[0].value >= 0.0 { "right" } else { "left" },
+                quantity(values[1], "m/s")
             );
         }
         let (more, less) = match (self.between, values[0].value >= 0.0) {
@@ -178,8 +167,8 @@ impl Effect for ViscousAsymmetry {
         let frame = &at.scene.frame;
         let [left, right] = frame.wheels(outputs);
         if self.thinning {
-            let grease = |size: f64, speed: f64| size * speed / (1.0 + speed.abs() / p[2]);
-            return frame.add_at_wheels([grease(p[0], left), grease(p[1], right)], p.get(3).copied().unwrap_or(1.0), load);
+            let grease = |size: f64, speed: f64| size.max(0.0) * speed / (1.0 + speed.abs() / p[1]);
+            return frame.add_at_wheels([grease(-p[0], left), grease(p[0], right)], p.get(2).copied().unwrap_or(1.0), load);
         }
         let forces = match self.between {
             Between::Wheels => [-p[0] * left, p[0] * right],

@@ -263,12 +263,16 @@ fn quadratic_drag_brakes_both_motions() {
 #[test]
 fn grease_thins_as_it_is_sheared() {
     let thinning = ViscousAsymmetry { thinning: true, ..ViscousAsymmetry::default() };
-    let (left, right, thins, ratio) = (0.4, 0.1, 0.15, 1.4);
-    let grease = |[l, r]: [f64; 2]| [left * l / (1.0 + l.abs() / thins), right * r / (1.0 + r.abs() / thins)];
-    let error = body().load_error(&thinning, &[left, right, thins, ratio], |x| off(grease(wheels(x)), ratio));
-    assert!(error < 1e-4, "{error}");
-    let error = sides().load_error(&thinning, &[left, right, thins], grease);
-    assert!(error < 1e-4, "{error}");
+    let (thins, ratio) = (0.15, 1.4);
+    let grease = |size: f64, s: f64| size * s / (1.0 + s.abs() / thins);
+    let each = |difference: f64| move |[l, r]: [f64; 2]| [grease((-difference).max(0.0), l), grease(difference.max(0.0), r)];
+    for difference in [0.4, -0.3] {
+        let error = body().load_error(&thinning, &[difference, thins, ratio], |x| off(each(difference)(wheels(x)), ratio));
+        assert!(error < 1e-4, "{difference}: {error}");
+        let volts = 5.0 * difference;
+        let error = sides().load_error(&thinning, &[volts, thins], each(volts));
+        assert!(error < 1e-4, "{volts}: {error}");
+    }
 }
 
 #[test]
