@@ -156,6 +156,7 @@ fn command_side() -> Vec<Box<dyn Effect>> {
         Box::new(TorqueSaturation { law: TorqueLaw::Power }),
         Box::new(TorqueSaturation { law: TorqueLaw::Axes }),
         Box::new(TorqueSaturation { law: TorqueLaw::Soft }),
+        Box::new(TorqueSaturation { law: TorqueLaw::Shared }),
         Box::new(GainAsymmetry::default()),
         Box::new(GainAsymmetry { servo: true }),
         Box::new(BatterySag::default()),

@@ -1,5 +1,6 @@
 //! The force of a drive is limited: what a wheel's loop asks for, |U − (1 + κ) s|, or what is left of the voltage to accelerate, is cut
-//! at m; a limit of power cuts it at m s_b/|s| where a wheel is faster than s_b; iron that saturates bends it, e (1 + |e/m|^p)^(−1/p).
+//! at m; a limit of power cuts it at m s_b/|s| where a wheel is faster than s_b; iron that saturates bends it, e (1 + |e/m|^p)^(−1/p); a supply that feeds
+//! both wheels takes of each the share by which |e_l| + |e_r| is beyond m.
 
 use serde::{Deserialize, Serialize};
 use wheelwright_core::Effect;
@@ -26,6 +27,9 @@ use super::words::quantity;
 ///
 /// The iron of a motor saturates gradually: with the law `soft` what a wheel's loop asks for bends towards the limit, the harder the greater p.
 ///
+/// A supply that has no more than some current for both motors, as one that a battery's electronics guard, gives each the same share of what it asks for:
+/// with the law `shared` the limit is of what both wheels pull together.
+///
 /// A driver or an engine may have no more than some power to give: with the law `power` the limit at a wheel is m up to a base speed s_b and m s_b/|s|
 /// above it, constant torque and then constant power.
 #[derive(Debug, Clone, Default, Serialize, Deserialize)]
@@ -49,6 +53,8 @@ pub enum TorqueLaw {
     Axes,
     /// What each wheel's drive pulls, gradually.
     Soft,
+    /// What both pull together.
+    Shared,
 }
 
 /// Base speeds that are tried, as shares of a typical speed, and limits up to them, as shares of a typical command.
@@ -91,6 +97,7 @@ impl Effect for TorqueSaturation {
             TorqueLaw::Power => "the drives' force and power are limited",
             TorqueLaw::Axes => "what drives forwards and what turns are limited",
             TorqueLaw::Soft => "the drives' force bends towards a limit",
+            TorqueLaw::Shared => "what both drives pull together is limited",
         };
         limited.to_owned()
     }
@@ -105,7 +112,7 @@ impl Effect for TorqueSaturation {
 
     /// The others bound forward acceleration and turning as limits at the wheels do, but for where both are asked for, or at speed.
     fn stands_in(&self) -> bool {
-        self.law != TorqueLaw::Wheels
+        !matches!(self.law, TorqueLaw::Wheels | TorqueLaw::Shared)
     }
 
     fn parameters(&self, scene: &Scene) -> Vec<EffectParameter> {
@@ -144,13 +151,14 @@ impl Effect for TorqueSaturation {
         match self.law {
             TorqueLaw::Power => return powers(scene),
             TorqueLaw::Soft => return soft(scene),
-            TorqueLaw::Wheels | TorqueLaw::Axes => (),
+            TorqueLaw::Wheels | TorqueLaw::Axes | TorqueLaw::Shared => (),
         }
-        let by_wheel = self.law == TorqueLaw::Wheels;
+        let by_wheel = self.law != TorqueLaw::Axes;
+        let together = if self.law == TorqueLaw::Shared { 2.0 } else { 1.0 };
         let (wheels, n) = (matches!(scene.frame, Frame::Body { .. }) && by_wheel, scene.inputs.len());
         let at = |share: f64, rho: f64| Start {
             values: match scene.frame {
-                Frame::Body { .. } if by_wheel => vec![share * scene.scales.command, rho, 0.0, 0.0],
+                Frame::Body { .. } if by_wheel => vec![together * share * scene.scales.command, rho, 0.0, 0.0],
                 Frame::Sides { .. } => vec![share * scene.scales.command],
                 _ => scene.scales.inputs.iter().map(|typical| share * typical).collect(),
             },
@@ -168,6 +176,10 @@ impl Effect for TorqueSaturation {
                 "the controller asks for no more than for a lack of {} of forward and {} of angular velocity; the model had no limit of torque or current",
                 quantity(values[0], "m/s"),
                 quantity(values[1], "rad/s")
+            ),
+            Frame::Body { .. } if self.law == TorqueLaw::Shared => format!(
+                "both wheels' drives together pull no harder than for a lack of {} of speed; the model had no limit of torque or current",
+                quantity(values[0], "m/s")
             ),
             Frame::Body { .. } => format!(
                 "a wheel's drive pulls no harder than for a lack of {} of speed{}; the model had no limit of torque or current",
@@ -229,8 +241,14 @@ impl Effect for TorqueSaturation {
                 let (asked, driven, speeds) = (frame.at_wheels(&lack, rho), frame.at_wheels(drive, rho), frame.wheels(motion.outputs));
                 let base = p.get(4).filter(|_| self.law == TorqueLaw::Power);
                 let limit = |side: usize| base.map_or(p[0], |base| p[0] * (base / speeds[side].abs()).min(1.0));
-                let pulled = |side: usize| asked[side] - back_emf * speeds[side] - derivative * driven[side];
-                let cut = [0, 1].map(|side| -excess(pulled(side), limit(side)) / (1.0 - derivative));
+                let pulled = [0, 1].map(|side| asked[side] - back_emf * speeds[side] - derivative * driven[side]);
+                let cut = if self.law == TorqueLaw::Shared {
+                    let together = pulled[0].abs() + pulled[1].abs();
+                    let share = (1.0 - p[0] / together).max(0.0);
+                    pulled.map(|pulled| -share * pulled / (1.0 - derivative))
+                } else {
+                    [0, 1].map(|side| -excess(pulled[side], limit(side)) / (1.0 - derivative))
+                };
                 frame.add_at_wheels(cut, rho, drive);
             }
             Frame::Sides { .. } => drive.iter_mut().for_each(|d| *d -= excess(*d, p[0])),

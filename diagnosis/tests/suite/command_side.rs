@@ -485,6 +485,20 @@ fn iron_that_saturates_bends_what_a_drive_pulls() {
 }
 
 #[test]
+fn a_supply_gives_both_drives_the_same_share_of_what_they_ask() {
+    let (limit, rho, emf) = (0.24, 1.4, 0.03);
+    let error = difference(&[&TorqueSaturation { law: TorqueLaw::Shared }], &[limit, rho, emf, 0.0], &[], [0.3, 0.2], |s, t, x| {
+        let u = held(s, t);
+        let (asked, speeds) = (wheels([u[0] - x[0], (u[1] - x[1]) / rho]), wheels(*x));
+        let pulls = [0, 1].map(|i| asked[i] - emf * speeds[i]);
+        let share = (limit / (pulls[0].abs() + pulls[1].abs())).min(1.0);
+        let [forward, turn] = body([0, 1].map(|i| share * pulls[i] + emf * speeds[i]));
+        base([x[0] + forward, x[1] + rho * turn], x)
+    });
+    assert!(error < 2e-4, "{error}");
+}
+
+#[test]
 fn a_controller_asks_of_each_axis_no_more_than_its_limit() {
     let limits = [0.1, 0.15];
     let error = difference(&[&TorqueSaturation { law: TorqueLaw::Axes }], &limits, &[], [0.3, 0.2], |s, t, x| {
