@@ -7,7 +7,7 @@ use wheelwright_core::profile::Limits;
 use wheelwright_core::solver::SolveError;
 use wheelwright_core::{Dataset, RegressorModel};
 
-/// Steps that a search may take unless told otherwise: about ten seconds of a processor.
+/// Steps that a search may take unless told otherwise: ten to twenty seconds of a processor.
 const MOST_STEPS: u64 = 100_000_000;
 
 /// A recording, a model to hold against it, and what is known besides.

@@ -2,8 +2,8 @@
 //! drifts, that no command causes: wind, ground, a gyroscope's bias. Its coherence from sample to sample may well pass for coloured noise.
 //!
 //! The rest's autocorrelation is asked at every lag from [`LONG`] on, or from four of the output's time constants if that is more: what swings is
-//! alike again after a whole swing. What a coarse readout adds is there again whenever the robot drives alike, and is no memory. Its standard error is Bartlett's for a rest that forgets before the first of them (Journal of the Royal Statistical
-//! Society, Supplement 8, 1946).
+//! alike again after a whole swing. What a coarse readout adds is there again whenever the robot drives alike, and is no memory. Its standard error is
+//! Bartlett's for a rest that forgets before the first of them (Journal of the Royal Statistical Society, Supplement 8, 1946).
 
 use statrs::distribution::{ContinuousCDF, Normal};
 

@@ -272,6 +272,7 @@ impl Ground {
             return (ahead, carried);
         }
         let end = (push - carried) / self.withdrawn;
+        // A wheel that weighs nothing is there at once.
         if self.spin_up == 0.0 {
             return (end, carried);
         }
