@@ -112,7 +112,7 @@ impl Effect for TorqueSaturation {
 
     /// The others bound forward acceleration and turning as limits at the wheels do, but for where both are asked for, or at speed.
     fn stands_in(&self) -> bool {
-        !matches!(self.law, TorqueLaw::Wheels | TorqueLaw::Shared)
+        self.law != TorqueLaw::Wheels
     }
 
     fn parameters(&self, scene: &Scene) -> Vec<EffectParameter> {
