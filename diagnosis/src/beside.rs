@@ -93,11 +93,8 @@ impl Beside {
                 let effect = WheelRadiusMismatch { speeds, between: Some((value - reach, value + reach)), wheel: None };
                 made.radii = Some((Box::new(effect), relation.coupling.evidence()));
             }
-            let another = match speeds {
-                Speeds::Encoders => relation.turning.distinct(least) && !relation.of_one_wheel(least),
-                _ => relation.turning.distinct(least),
-            };
-            if made.track.is_none() && another && holds(question, "track_width_error") {
+            let one_wheel = speeds == Speeds::Encoders && relation.of_one_wheel(least);
+            if made.track.is_none() && relation.turning.distinct(least) && !one_wheel && holds(question, "track_width_error") {
                 made.track = Some(track(relation.turning, speeds, scene));
             }
         }

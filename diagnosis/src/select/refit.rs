@@ -79,17 +79,28 @@ impl<'a> Search<'a> {
 
     /// The fit from a point under a noise that is whitened as it was; its columns are exact if `exact`.
     pub(crate) fn fitted_from(&self, indices: &[usize], point: &Point, whitening: &Whitening, effort: Effort, exact: bool) -> Option<Fit> {
-        let mut runner = self.runner(indices, point)?;
-        let there = evaluate(&self.setting, &mut runner, whitening, point)?;
-        Some(maximise(&self.setting, &mut runner, whitening, there, effort, exact))
+        self.fitted_with(Vec::new(), indices, point, whitening, effort, exact)
     }
 
     /// The fit from another one that is near, in another scene or at another place: its columns are those until a step disappoints.
     pub(crate) fn fitted_near(&self, indices: &[usize], near: &Fit, whitening: &Whitening, effort: Effort) -> Option<Fit> {
-        let mut runner = self.runner(indices, &near.point)?;
-        let mut there = evaluate(&self.setting, &mut runner, whitening, &near.point)?;
-        there.columns.clone_from(&near.columns);
-        Some(maximise(&self.setting, &mut runner, whitening, there, effort, false))
+        self.fitted_with(near.columns.clone(), indices, &near.point, whitening, effort, false)
+    }
+
+    /// The fit from a point whose columns may be those of somewhere near, or none.
+    fn fitted_with(
+        &self,
+        columns: Vec<Vec<f64>>,
+        indices: &[usize],
+        point: &Point,
+        whitening: &Whitening,
+        effort: Effort,
+        exact: bool,
+    ) -> Option<Fit> {
+        let mut runner = self.runner(indices, point)?;
+        let mut there = evaluate(&self.setting, &mut runner, whitening, point)?;
+        there.columns = columns;
+        Some(maximise(&self.setting, &mut runner, whitening, there, effort, exact))
     }
 
     /// A fit under another noise model.
@@ -132,10 +143,7 @@ impl<'a> Search<'a> {
         }
         let Unbent { x, columns } = self.part(state, keep);
         let point = Point { x, starts: state.fit.point.starts.clone() };
-        let mut runner = self.runner(&effects, &point)?;
-        let mut fit = evaluate(&self.setting, &mut runner, &selected.whitening, &point)?;
-        fit.columns = columns;
-        let fit = maximise(&self.setting, &mut runner, &selected.whitening, fit, COMPARING, true);
+        let fit = self.fitted_with(columns, &effects, &point, &selected.whitening, COMPARING, true)?;
         Some(State { effects, fit })
     }
 

@@ -190,14 +190,14 @@ impl EffectSimulator<'_> {
         slots.sense(at, &|time, out| trace.at(time, out), state, next);
         if slots.reread {
             added.end(next);
-            let seen = |time: f64, out: &mut [f64]| {
-                trace.at(time, out);
-                added.add(time, out);
-            };
-            slots.read(at, &seen, state, next);
-        } else {
-            slots.read(at, &|time, out| trace.at(time, out), state, next);
         }
+        let seen = |time: f64, out: &mut [f64]| {
+            trace.at(time, out);
+            if slots.reread {
+                added.add(time, out);
+            }
+        };
+        slots.read(at, &seen, state, next);
     }
 
     /// The command that goes on from an instant; the accelerations at the end of the last step are those of the next one only if it is the same.
